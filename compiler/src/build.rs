@@ -79,6 +79,8 @@ pub struct Builder<'a> {
     pub(crate) reached: Option<Option<usize>>,
     /// Role of plain field names: `Current`, except below `Previous`.
     pub(crate) order2: bool,
+    /// Names stand for what they were at the end of the previous step: below `Rate`.
+    pub(crate) in_the_past: bool,
     /// Below a product that is zero for the present parameters.
     pub(crate) without_effect: bool,
     /// In a branch that the present parameters never take: what a number there is says nothing.
@@ -104,6 +106,7 @@ impl<'a> Builder<'a> {
             loose_equality: false,
             reached: None,
             order2: false,
+            in_the_past: false,
             without_effect: false,
             dead: false,
         }

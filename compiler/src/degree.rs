@@ -306,6 +306,8 @@ fn leaf_estimate(leaf: Leaf, fields: &[FieldSig], entity: EntityGeometry, view: 
     match leaf {
         Leaf::Field { field, op, role, .. } => {
             let k = int(fields[field.index()].degree);
+            // along a line the derivative of a field of that line has one degree less, also beside tensor cells
+            let along_line = fields[field.index()].on_faces && entity.dim == 1;
             let tested = matches!(role, Role::Test | Role::Trial);
             if view == View::ConstantState && !tested {
                 return Estimate { fields: true, ..CONSTANT };
@@ -314,7 +316,7 @@ fn leaf_estimate(leaf: Leaf, fields: &[FieldSig], entity: EntityGeometry, view: 
                 FieldOp::Value => of(k, 0),
                 FieldOp::Grad if mapped => of(k - order, 1),
                 FieldOp::Hess if mapped => of(k, 2),
-                _ if entity.tensor => of(k, 0),
+                _ if entity.tensor && !along_line => of(k, 0),
                 FieldOp::Grad => of((k - 1).max(0), 0),
                 FieldOp::Hess => of((k - 2).max(0), 0),
             };

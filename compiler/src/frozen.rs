@@ -152,7 +152,14 @@ fn projections(g: &Graph, root: ExprId, order: &[ExprId]) -> Vec<Found> {
 /// The fields with those of the branches and of the regularisation at their places; places between are not used by the
 /// law.
 fn with_branches(fields: &[FieldSig], field: FieldId, sizes: BranchSizes) -> Vec<FieldSig> {
-    let data = |shape: Shape| FieldSig { name: String::new(), shape, degree: 0, kind: FieldKind::Data, global: false };
+    let data = |shape: Shape| FieldSig {
+        name: String::new(),
+        shape,
+        degree: 0,
+        kind: FieldKind::Data,
+        global: false,
+        on_faces: false,
+    };
     let mut all = fields.to_vec();
     all.resize_with(field.index(), || data(Shape::SCALAR));
     all.push(data(Shape::vector(sizes.point)));

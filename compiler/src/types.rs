@@ -204,6 +204,8 @@ pub struct FieldSig {
     pub kind: FieldKind,
     /// One value for the whole scene.
     pub global: bool,
+    /// Its nodes are on faces alone: its gradient is the one along the face.
+    pub on_faces: bool,
 }
 
 impl FieldSig {

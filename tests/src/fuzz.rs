@@ -411,7 +411,14 @@ pub fn run_expression(text: &str, choice: usize) {
     show(&expander.diagnostics, &sources);
     let Some(expr) = expanded else { return };
     let dim = 1 + choice % 3;
-    let field = |name: &str, shape, kind, global| FieldSig { name: name.to_owned(), shape, degree: 2, kind, global };
+    let field = |name: &str, shape, kind, global| FieldSig {
+        name: name.to_owned(),
+        shape,
+        degree: 2,
+        kind,
+        global,
+        on_faces: false,
+    };
     let fields = [
         field("u", Shape::vector(dim), FieldKind::Unknown, false),
         field("p", Shape::SCALAR, FieldKind::Unknown, false),

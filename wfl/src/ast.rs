@@ -136,6 +136,12 @@ pub enum EntityKind {
     Faces,
     /// nodes
     Nodes,
+    /// where faces end: nodes of edges with one face
+    Rim,
+    /// where faces meet: nodes of edges with three faces or more
+    Crossings,
+    /// between neighbouring faces: edges with two faces
+    Interior,
 }
 
 /// The rank of a field.
@@ -282,6 +288,23 @@ pub enum Reduction {
     Integral,
     /// value at one point
     Value,
+    /// what prescribed values carry
+    Reaction,
+    /// what the equations of a `balance` add up to
+    Balance(BalancePart),
+}
+
+/// One number of a `balance`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BalancePart {
+    /// What loads and prescribed values bring.
+    In,
+    /// What they take.
+    Out,
+    /// What the term takes up whose name the measure ends with.
+    Term,
+    /// What came in, did not go out and was not taken up.
+    Lost,
 }
 
 /// Where a measure takes its expression.
@@ -477,7 +500,7 @@ pub enum ItemKind {
     Measure {
         /// Its name.
         name: Ident,
-        /// mean, max, min, integral or value
+        /// mean, max, min, integral, value or reaction
         reduction: Reduction,
         /// Of what.
         expr: Expr,
@@ -485,6 +508,13 @@ pub enum ItemKind {
         places: Vec<Ident>,
         /// At which points.
         at: MeasureAt,
+    },
+    /// `balance b of p, q`
+    Balance {
+        /// Its name.
+        name: Ident,
+        /// The unknowns whose equations are added.
+        fields: Vec<Ident>,
     },
     /// `event e = c on r`
     Event {

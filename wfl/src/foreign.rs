@@ -267,6 +267,7 @@ const FORMS: &[(&str, &str)] = &[
     ("quadrature", "quadrature on region degree 4, or quadrature on region vertex"),
     ("measure", "measure name = max(expression) on region; or min, mean, integral; value(expression) at [0,1]"),
     ("output", "output vtk \"name\" : u, expression as name"),
+    ("balance", "balance name of p, q"),
     ("event", "event name = max(expression) on region > 1"),
     ("expect", "expect measure < 1"),
 ];

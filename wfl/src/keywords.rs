@@ -24,10 +24,14 @@ pub const STATEMENTS: &[&str] = &[
     "solver",
     "quadrature",
     "measure",
+    "balance",
     "event",
     "output",
     "expect",
 ];
+
+/// Words that start a statement and may be names, too: a term is often called `balance`.
+const ALSO_NAMES: &[&str] = &["balance"];
 
 /// Words inside statements; like [`STATEMENTS`] they cannot be names.
 pub const KEYWORDS: &[&str] = &[
@@ -60,5 +64,5 @@ pub const KEYWORDS: &[&str] = &[
 /// True for words that no scene may use as a name because the grammar needs them.
 #[must_use]
 pub fn is_keyword(word: &str) -> bool {
-    STATEMENTS.contains(&word) || KEYWORDS.contains(&word)
+    STATEMENTS.contains(&word) && !ALSO_NAMES.contains(&word) || KEYWORDS.contains(&word)
 }

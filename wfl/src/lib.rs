@@ -55,7 +55,7 @@ pub use reference::{Phrase, StatementRow, phrases, statement_page, statement_row
 pub use render::{at_expr, render, visible};
 pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SCHEMES, SOLVERS, Unloaded, resolve};
 pub use script::{
-    Condition, DataValue, Event, Expect, Field, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output,
+    Balance, Condition, DataValue, Event, Expect, Field, FieldKind, MacroInfo, Mapping, Measure, MeshStmt, Output,
     OutputQuantity, Param, Quadrature, Refinement, Region, ResolvedScript, Scheme, Solver, Split, Start, StartKind,
     Steps, Term, is_auto,
 };

@@ -273,6 +273,9 @@ macro_rules! operators {
             call "Diff" (2, 3, "Diff(e, u) or Diff(e, u, direction)")
                 "symbolic derivative in a field; without a direction along Test_u"
                 Diff, ["Diff(sin(u.w), u, w)", "Diff(p*p*p, p, q)"] diff;
+            call "Rate" (1, 1, "Rate(e)")
+                "change of e over the step over its increment: exact for what e is, across its kinks too; with `scheme backward_euler`"
+                Rate, [untested "needs steps"] rate;
             call "qdim" (1, 1, "qdim(u)") "number of components of a field"
                 Pure, [untested "a constant"] number_of_components;
             call "qdims" (1, 1, "qdims(u)") "sizes of a field"

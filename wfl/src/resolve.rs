@@ -15,11 +15,13 @@ mod watch;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
-    ast::{Cond, Expr, Ident, Item, ItemKind, OutputItem, RegionExpr, Target, TargetPart},
+    ast::{
+        Cond, Expr, ExprKind, Ident, Item, ItemKind, MeasureAt, OutputItem, Reduction, RegionExpr, Target, TargetPart,
+    },
     diag::{Checked, Diagnostic},
     lost::Lost,
     macros::Expander,
-    script::{Condition, Event, MacroInfo, OutputQuantity, Region, ResolvedScript},
+    script::{Balance, Condition, Event, MacroInfo, Measure, OutputQuantity, Region, ResolvedScript},
     source::{SourceId, SourceMap, Span},
     units::check_units,
     walk::{cond_children, each_name as names_of},
@@ -121,6 +123,7 @@ fn empty(main: SourceId) -> ResolvedScript {
         scheme: None,
         quadratures: Vec::new(),
         measures: Vec::new(),
+        balances: Vec::new(),
         events: Vec::new(),
         expects: Vec::new(),
         outputs: Vec::new(),
@@ -154,6 +157,7 @@ impl<'d> Resolver<'d> {
             let used = self.script.macros.iter().filter(|m| m.used).map(|m| m.name.name.clone()).collect();
             self.diagnostics.extend(names::unused(self.names, main, &self.words, &self.regions, &used));
         }
+        self.measures_of_balances();
         self.lose_dropped();
         self.script.expansions = self.expander.expansions;
         // two terms of one equation cannot be compared when one of them is missing
@@ -190,6 +194,21 @@ impl<'d> Resolver<'d> {
         self.words.extend(seen.into_iter().map(|word| split_prefixes(word).1.to_owned()));
     }
 
+    /// The numbers of every balance become measures.
+    fn measures_of_balances(&mut self) {
+        for balance in std::mem::take(&mut self.script.balances) {
+            let terms = self.script.terms_of(&balance.fields);
+            for (end, part) in Balance::parts(terms.iter().map(String::as_str)) {
+                let field = &balance.fields[0];
+                let expr = Expr { kind: ExprKind::Name(field.name.clone()), span: field.span, expansion: None };
+                let name = Ident { name: format!("{}_{end}", balance.name.name), span: balance.name.span };
+                let (reduction, places, at) = (Reduction::Balance(part), Vec::new(), MeasureAt::Rule);
+                self.script.measures.push(Measure { name, reduction, expr, places, at, span: balance.span });
+            }
+            self.script.balances.push(balance);
+        }
+    }
+
     /// Names whose statements were dropped for an error.
     fn lose_dropped(&mut self) {
         let s = &mut self.script;
@@ -211,6 +230,11 @@ impl<'d> Resolver<'d> {
             Vec::new()
         };
         kept.extend(energies.iter().map(String::as_str));
+        let of_balance = |name: &&String| {
+            s.balances.iter().any(|b| name.strip_prefix(&b.name.name).is_some_and(|end| end.starts_with('_')))
+        };
+        let of_balances: Vec<String> = self.names.values.keys().filter(of_balance).cloned().collect();
+        kept.extend(of_balances.iter().map(String::as_str));
         let regions: BTreeSet<&str> = s.regions.iter().map(|r| r.name.name.as_str()).collect();
         for (name, (kind, _)) in self.names.values.iter().filter(|(n, _)| !kept.contains(n.as_str())) {
             s.lost.add(name);

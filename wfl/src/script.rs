@@ -5,10 +5,10 @@
 use std::sync::Arc;
 
 use crate::{
+    ast::{BalancePart, Reduction, Refine, RegionExpr, Space, Target, Unit},
     ast::{
         Cond, Domain, Expansions, Expr, ExprKind, Ident, MappingKind, MeasureAt, MeshSource, OptionItem, QuadratureRule,
     },
-    ast::{Reduction, Refine, RegionExpr, Space, Target, Unit},
     diag::Diagnostic,
     lost::Lost,
     source::{SourceId, SourceMap, Span},
@@ -57,6 +57,8 @@ pub struct ResolvedScript {
     pub quadratures: Vec<Quadrature>,
     /// Numbers to print.
     pub measures: Vec<Measure>,
+    /// What is added up; its numbers are measures, too.
+    pub balances: Vec<Balance>,
     /// What begins and ends during the steps.
     pub events: Vec<Event>,
     /// Conditions that must hold at the end.
@@ -87,6 +89,25 @@ impl ResolvedScript {
     pub fn energies_of(terms: &[String]) -> Vec<String> {
         let ends = ["kinetic"].into_iter().chain(terms.iter().map(String::as_str));
         ends.chain(["loads", "prescribed", "lost"]).map(|end| format!("energy_{end}")).collect()
+    }
+
+    /// The terms of the equations of some fields, each name once. Terms without a name are numbered.
+    #[must_use]
+    pub fn terms_of(&self, fields: &[Ident]) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for (k, term) in self.terms.iter().enumerate() {
+            let mut is_of = false;
+            each_name(&term.expr, &mut |word| {
+                let (prefixes, root) = split_prefixes(word);
+                let in_equation = term.energy || prefixes.contains("Test_");
+                is_of |= in_equation && fields.iter().any(|f| f.name == root);
+            });
+            let name = term.name.as_ref().map_or_else(|| format!("term{}", k + 1), |n| n.name.clone());
+            if is_of && !names.contains(&name) {
+                names.push(name);
+            }
+        }
+        names
     }
 
     /// The terms that are more than inertia, each name once. Terms without a name are numbered.
@@ -364,6 +385,26 @@ impl Steps {
 #[must_use]
 pub fn is_auto(e: &Expr) -> bool {
     matches!(&e.kind, ExprKind::Name(word) if word == "auto")
+}
+
+/// `balance ...`: the equations of some unknowns, added up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Balance {
+    /// Its name.
+    pub name: Ident,
+    /// The unknowns.
+    pub fields: Vec<Ident>,
+    /// The statement.
+    pub span: Span,
+}
+
+impl Balance {
+    /// Its numbers by the ends of their names, terms of these names among them.
+    pub fn parts<'t>(terms: impl Iterator<Item = &'t str>) -> impl Iterator<Item = (&'t str, BalancePart)> {
+        let terms = terms.map(|term| (term, BalancePart::Term));
+        let ends = [("in", BalancePart::In), ("out", BalancePart::Out)].into_iter();
+        ends.chain(terms).chain([("lost", BalancePart::Lost)])
+    }
 }
 
 /// `event ...`: it lasts while the left side is larger than the right one.

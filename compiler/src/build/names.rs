@@ -45,9 +45,12 @@ impl Builder<'_> {
                     let d = Diagnostic::new("E206", "`timestep` needs a `steps` statement").about("steps").help(STEPS);
                     return self.report(d, e, "");
                 }
+                if self.in_the_past {
+                    return self.not_in_the_past(e, name);
+                }
                 return Some(self.graph.leaf(Leaf::TimeStep));
             }
-            _ if Some(name) == self.env.step_variable => return Some(self.graph.leaf(Leaf::Time)),
+            _ if Some(name) == self.env.step_variable => return Some(self.time()),
             "t" => {
                 let d = Diagnostic::new("E206", "`t` exists only if the scene says `steps t = ...`");
                 let d = d.about("steps").help(STEPS);
@@ -123,19 +126,13 @@ impl Builder<'_> {
             let d = Diagnostic::new("E304", format!("`{}` is {kind}, it has no test function", sig.name));
             return self.report(d, e, "only unknowns and multipliers have one");
         }
-        if word.op != WordOp::Value && sig.global {
-            let d = Diagnostic::new(
-                "E208",
-                format!("`{}` is one number for the whole scene: it has no gradient", sig.name),
-            );
-            return self.report(d, e, "");
-        }
-        if word.op != WordOp::Value && sig.kind == FieldKind::State {
-            let d = Diagnostic::new("E208", format!("`{}` lives at integration points: it has no gradient", sig.name));
-            return self.report(d, e, "");
-        }
+        self.has_derivative(e, field, word.op)?;
         self.lives_here(e, field, side)?;
         let role = match word.role {
+            WordRole::Previous | WordRole::Dot | WordRole::Dot2 if self.in_the_past => {
+                return self.not_in_the_past(e, name);
+            }
+            WordRole::Plain if self.in_the_past => Role::Previous,
             WordRole::Plain | WordRole::Dot | WordRole::Dot2 => Role::Current,
             WordRole::Test => Role::Test,
             WordRole::Test2 => {
@@ -172,6 +169,38 @@ impl Builder<'_> {
             return Some(divergence);
         }
         Some(leaf)
+    }
+
+    /// The step variable, or what it was at the end of the previous step.
+    fn time(&mut self) -> ExprId {
+        let time = self.graph.leaf(Leaf::Time);
+        if !self.in_the_past {
+            return time;
+        }
+        let step = self.graph.leaf(Leaf::TimeStep);
+        self.graph.sub(time, step)
+    }
+
+    /// E461 for what has no value at the end of the previous step.
+    pub(crate) fn not_in_the_past<T>(&mut self, e: &Expr, name: &str) -> Option<T> {
+        let d = Diagnostic::new("E461", format!("`Rate` cannot take `{name}`: it has no value one step earlier"));
+        self.report(d, e, "of a state before the last one nothing is kept")
+    }
+
+    /// E208 for a derivative that the field does not have.
+    fn has_derivative(&mut self, e: &Expr, field: FieldId, op: WordOp) -> Option<()> {
+        let sig = &self.env.fields[field.index()];
+        if op == WordOp::Hess && sig.on_faces {
+            return self.no_second_gradient(e, field);
+        }
+        let why = match sig.kind {
+            _ if op == WordOp::Value => return Some(()),
+            _ if sig.global => "is one number for the whole scene",
+            FieldKind::State => "lives at integration points",
+            _ => return Some(()),
+        };
+        let d = Diagnostic::new("E208", format!("`{}` {why}: it has no gradient", sig.name));
+        self.report(d, e, "")
     }
 
     /// A rate of a field: its change over the step times a scalar of the step, and what the past gives. `None` for a

@@ -100,7 +100,7 @@ impl Symbolic {
         let parameter = FieldId::new(env.fields.len());
         let mut fields = env.fields.to_vec();
         let (shape, kind) = (Shape::SCALAR, FieldKind::Data);
-        fields.push(FieldSig { name: name.to_owned(), shape, degree: 0, kind, global: true });
+        fields.push(FieldSig { name: name.to_owned(), shape, degree: 0, kind, global: true, on_faces: false });
         let mut params = env.params.clone();
         params.remove(name);
         let env = Env { fields: &fields, params: &params, ..*env };

@@ -35,7 +35,14 @@ fn written(text: &str) -> String {
 }
 
 fn fields() -> Vec<FieldSig> {
-    let sig = |name: &str, shape, kind| FieldSig { name: name.to_owned(), shape, degree: 1, kind, global: false };
+    let sig = |name: &str, shape, kind| FieldSig {
+        name: name.to_owned(),
+        shape,
+        degree: 1,
+        kind,
+        global: false,
+        on_faces: false,
+    };
     vec![
         sig("u", Shape::vector(2), FieldKind::Unknown),
         sig("w", Shape::vector(2), FieldKind::Unknown),

@@ -30,6 +30,26 @@ pub(super) fn divergence(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     Some(b.graph.trace(grad, shape.rank() - 1, shape.rank()))
 }
 
+/// `Rate(e)`: the argument is built again with the values at the end of the previous step.
+pub(super) fn rate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
+    if b.env.step_variable.is_none() {
+        let d = Diagnostic::new("E206", "`Rate` needs a `steps` statement: without steps there is no past");
+        return b.report(d.about("steps").help("steps t = 0 to 1 by 0.1"), c.expr, "");
+    }
+    if b.in_the_past {
+        return b.not_in_the_past(c.expr, "Rate");
+    }
+    let (text, now) = b.argument(c, 0)?;
+    b.no_tests(text, now, "Rate")?;
+    b.in_the_past = true;
+    let before = b.argument(c, 0);
+    b.in_the_past = false;
+    let (_, before) = before?;
+    let change = b.graph.sub(now, before);
+    let step = b.graph.leaf(Leaf::TimeStep);
+    Some(b.graph.divide(change, step))
+}
+
 /// `qdim(u)`.
 pub(super) fn number_of_components(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let field = field_argument(b, c, 0)?;

@@ -32,6 +32,7 @@ impl Formula {
             degree: 1,
             kind: FieldKind::Unknown,
             global: false,
+            on_faces: false,
         };
         let fields: Vec<FieldSig> = shapes.iter().enumerate().map(sig).collect();
         let mut graph = Graph::new(like.dim, &fields);

@@ -4,7 +4,7 @@
 
 use super::{
     def::{Entrywise, OpDef},
-    field::{diff, divergence, hessian, interpolate, interpolate_filter, number_of_components, sizes},
+    field::{diff, divergence, hessian, interpolate, interpolate_filter, number_of_components, rate, sizes},
     hyperelastic::{
         BLATZ_KO, BONET, CIARLET, CIARLET_GEYMONAT, COMPRESSIBLE_MOONEY, COMPRESSIBLE_NEO, Law, MOONEY, NEO, Wanted,
         cauchy_green, cauchy_stress, green_lagrangian, law_of_gradient,

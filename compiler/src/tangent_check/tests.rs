@@ -18,7 +18,14 @@ const NEO_HOOKE: &str =
 
 /// A law on the faces or cells of a plane body with an unknown `u` and a given gap `g`.
 pub(super) fn law(text: &str, energy: bool) -> TermLaw {
-    let sig = |name: &str, shape, kind| FieldSig { name: name.to_owned(), shape, degree: 1, kind, global: false };
+    let sig = |name: &str, shape, kind| FieldSig {
+        name: name.to_owned(),
+        shape,
+        degree: 1,
+        kind,
+        global: false,
+        on_faces: false,
+    };
     let fields = [sig("u", Shape::vector(2), FieldKind::Unknown), sig("g", Shape::SCALAR, FieldKind::Data)];
     let place = PlaceSig {
         name: "here".to_owned(),

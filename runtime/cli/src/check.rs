@@ -387,6 +387,8 @@ fn measures(loaded: &Loaded) -> Table {
             Reduction::Min => "min",
             Reduction::Integral => "integral",
             Reduction::Value => "value",
+            Reduction::Reaction => "reaction",
+            Reduction::Balance(_) => "balance",
         };
         let on: Vec<Value> = match &m.at {
             MeasureAt::Rule => m.places.iter().map(|p| p.name.clone().into()).collect(),

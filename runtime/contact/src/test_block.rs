@@ -111,6 +111,7 @@ impl Made {
             degree: 1,
             kind: FieldKind::Unknown,
             global: false,
+            on_faces: false,
         };
         let (fields, params, expansions) = ([sig], BTreeMap::new(), Expansions::default());
         let env = Env {

@@ -15,7 +15,7 @@ use crate::{
 use wfl_host::team::Team;
 use wfl_mesh::{
     element::Table,
-    mesh::{CellId, CellKind, FacetRef, Image, Mesh, MeshError, Polynomials, RegionSet, neighbour_points},
+    mesh::{CellId, CellKind, FacetMap, FacetRef, Image, Mesh, MeshError, Polynomials, RegionSet, neighbour_points},
     quadrature::{Rule, facet_points},
 };
 
@@ -367,24 +367,29 @@ impl Domain {
 }
 
 impl Domain {
-    /// A point of weight 1 at each of these nodes of a space on cells, in the first cell that holds it.
+    /// A point of weight 1 at each of these nodes of a space, in the first cell or on the first facet that holds it.
     #[must_use]
     pub fn at_nodes(mesh: &Mesh, space: &Space, nodes: &[u32]) -> Self {
-        let Support::Cells(cells) = space.support() else {
-            return Self { over: Over::Points, dim: mesh.dim(), groups: Vec::new(), n_entities: 0 };
-        };
         let mut wanted: BTreeMap<u32, usize> = nodes.iter().enumerate().map(|(k, node)| (*node, k)).collect();
-        let mut groups: BTreeMap<(CellKind, usize), Group> = BTreeMap::new();
-        for (position, cell) in cells.iter().enumerate() {
-            let kind = mesh.kind(*cell);
+        let mut groups: BTreeMap<(CellKind, Option<u8>, usize), Group> = BTreeMap::new();
+        for position in 0..space.n_positions() {
+            let (cell, facet) = match space.support() {
+                Support::Cells(cells) => (cells[position], None),
+                Support::Facets(facets) => (facets[position].cell, Some(facets[position])),
+            };
+            let kind = mesh.kind(cell);
             for (local, node) in space.entity_nodes(position).iter().enumerate() {
                 let Some(entity) = wanted.remove(node) else { continue };
-                let group = groups.entry((kind, local)).or_insert_with(|| {
+                let group = groups.entry((kind, facet.map(|f| f.local), local)).or_insert_with(|| {
                     let point = space.element_at(position).points()[local];
-                    one_point(GroupSide::new(mesh, kind, vec![point]))
+                    let in_cell = facet.map_or(point, |f| {
+                        kind.facet_point(usize::from(f.local), kind.facet_map(usize::from(f.local)).apply(point))
+                    });
+                    Group { parameters: vec![point], ..one_point(GroupSide::new(mesh, kind, vec![in_cell])) }
                 });
                 group.entities.push(entity);
-                group.here.cells.push(*cell);
+                group.here.cells.push(cell);
+                group.here.facets.extend(facet);
             }
             if wanted.is_empty() {
                 break;
@@ -484,6 +489,12 @@ impl GroupSide {
         let geometry = element.tabulate(&points, 2);
         let corners = element.tabulate(element.points(), 1);
         Self { kind, cells: Vec::new(), facets: Vec::new(), points, geometry, corners }
+    }
+
+    /// The map of the local facet that all facets of the side are; that of the first one for a side of cells.
+    #[must_use]
+    pub fn facet_map(&self) -> FacetMap {
+        self.kind.facet_map(self.facets.first().map_or(0, |facet| usize::from(facet.local)))
     }
 
     /// True if the derivatives of the map are the same everywhere in a cell: simplices with straight edges.

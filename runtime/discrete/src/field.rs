@@ -49,12 +49,6 @@ pub enum FieldError {
         /// Where it was evaluated.
         place: String,
     },
-    /// A field that lives on facets has no gradient.
-    #[error("`{field}` lives on faces: it has no gradient")]
-    NoGradient {
-        /// The field.
-        field: String,
-    },
     /// A field of integration points is evaluated at other points.
     #[error("`{field}` lives at integration points, and the points used here are others")]
     OtherPoints {
@@ -64,10 +58,13 @@ pub enum FieldError {
 }
 
 /// Basis and nodes of a field on a group.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Tabulated {
-    /// Values and reference derivatives at the points of the group.
+    /// Values and reference derivatives at the points of the group: those of a field on facets in the parameters of the
+    /// facet, one fewer than space has dimensions.
     pub table: Table,
+    /// Of a field on facets: derivatives of the reference point of the cell in those parameters.
+    pub tangents: Option<[[f64; 3]; 2]>,
     /// `nodes[entity * n_nodes + i]`
     pub nodes: Vec<u32>,
 }
@@ -159,7 +156,7 @@ impl Field {
         match &self.space {
             FieldSpace::Nodal(space) => match space.support() {
                 Support::Cells(_) => space.position_of_cell(facet.cell).is_some(),
-                Support::Facets(_) => space.position_of_facet(facet).is_some(),
+                Support::Facets(_) => space.on_facet(facet).is_some(),
             },
             FieldSpace::Global => true,
             FieldSpace::Points(space) => space.has_facet(facet),
@@ -197,42 +194,47 @@ impl Field {
     /// Basis tables and nodes of the field on one side of a group of a domain.
     ///
     /// # Errors
-    /// [`FieldError`] where the field has no nodes or no gradient.
+    /// [`FieldError`] where the field has no nodes.
     pub fn tabulate(&self, mesh: &Mesh, group: &Group, side: Side, order: usize) -> Result<Tabulated, FieldError> {
         let n = group.entities.len();
         if let FieldSpace::Points(space) = &self.space {
             let found = if side == Side::Here && order == 0 { space.tabulate(mesh.dim(), group) } else { None };
             let (table, nodes) = found.ok_or_else(|| FieldError::OtherPoints { field: self.name.clone() })?;
-            return Ok(Tabulated { table, nodes });
+            return Ok(Tabulated { table, tangents: None, nodes });
         }
         let FieldSpace::Nodal(space) = &self.space else {
             let points = group.n_points();
             let table =
                 Table { n_points: points, n_dofs: 1, dim: mesh.dim(), values: vec![1.0; points], ..Table::default() };
-            return Ok(Tabulated { table, nodes: vec![0; n] });
+            return Ok(Tabulated { table, tangents: None, nodes: vec![0; n] });
         };
         let data = group.side(side);
         let on_facets = matches!(space.support(), Support::Facets(_));
-        if on_facets && order > 0 {
-            return Err(FieldError::NoGradient { field: self.name.clone() });
-        }
         let mut nodes = Vec::new();
         let mut element = None;
         for k in 0..n {
-            let position = if on_facets {
-                data.facets.get(k).and_then(|f| space.position_of_facet(*f))
+            let found = if on_facets {
+                data.facets.get(k).and_then(|f| space.on_facet(*f))
             } else {
-                space.position_of_cell(data.cells[k])
+                space.position_of_cell(data.cells[k]).map(|p| (space.element_at(p), space.entity_nodes(p)))
             };
-            let Some(position) = position else {
+            let Some((of_entity, its_nodes)) = found else {
                 let cell = data.cells[k].index();
                 return Err(FieldError::NotHere { field: self.name.clone(), place: format!("cell {cell}") });
             };
-            nodes.extend_from_slice(space.entity_nodes(position));
-            element.get_or_insert_with(|| space.element_at(position));
+            nodes.extend_from_slice(its_nodes);
+            element.get_or_insert(of_entity);
         }
-        let points = if on_facets { &group.parameters } else { &data.points };
-        let table = element.map(|e| e.tabulate(points, order)).unwrap_or_default();
-        Ok(Tabulated { table, nodes })
+        let Some(element) = element else { return Ok(Tabulated { nodes, ..Tabulated::default() }) };
+        if !on_facets {
+            return Ok(Tabulated { table: element.tabulate(&data.points, order), tangents: None, nodes });
+        }
+        // the points of the other side are those of this one in the parameters of its own facets
+        let map = data.facet_map();
+        let parameters = match side {
+            Side::Here => group.parameters.clone(),
+            Side::There => data.points.iter().map(|x| map.parameters(*x)).collect(),
+        };
+        Ok(Tabulated { table: element.tabulate(&parameters, order), tangents: Some(map.tangents), nodes })
     }
 }

@@ -41,6 +41,8 @@ pub struct Space {
     position_of_cell: Vec<u32>,
     /// Facets of the support with their positions, sorted; empty for a space on cells.
     position_of_facet: Vec<(FacetRef, u32)>,
+    /// The other sides of those facets that have one, with their nodes as seen from there, sorted.
+    behind: Vec<(FacetRef, Vec<u32>)>,
     elements: Vec<Option<Element>>,
     numbering: Numbering,
     /// Nodes at the split and their copies, sorted; empty unless the space is split.
@@ -123,6 +125,7 @@ impl Space {
         let kinds: Vec<CellKind> = facets.iter().map(|f| mesh.facet_kind(*f)).collect();
         let mut space = Space::empty(kinds, Support::Facets(facets.to_vec()), degree, family)?;
         space.number(mesh, topology);
+        space.see_from_behind(mesh, topology);
         Ok(space)
     }
 
@@ -144,6 +147,7 @@ impl Space {
             coordinates: Vec::new(),
             position_of_cell: Vec::new(),
             position_of_facet: Vec::new(),
+            behind: Vec::new(),
             elements,
             numbering: Numbering::default(),
             copies: Vec::new(),
@@ -294,6 +298,42 @@ impl Space {
         let find = |entry: &(FacetRef, u32)| entry.0;
         let place = self.position_of_facet.binary_search_by_key(&facet, find).ok()?;
         Some(self.position_of_facet[place].1 as usize)
+    }
+
+    /// Element and nodes of a facet of the support, in the parameters of the side that is named: a field on facets has one
+    /// value, from whichever cell it is seen. `None` also for spaces on cells.
+    #[must_use]
+    pub fn on_facet(&self, facet: FacetRef) -> Option<(&Element, &[u32])> {
+        if let Some(position) = self.position_of_facet(facet) {
+            return Some((self.element_at(position), self.entity_nodes(position)));
+        }
+        let place = self.behind.binary_search_by_key(&facet, |entry| entry.0).ok()?;
+        let nodes = &self.behind[place].1;
+        self.elements.iter().flatten().find(|e| e.n_dofs() == nodes.len()).map(|e| (e, nodes.as_slice()))
+    }
+
+    /// Finds the nodes of the other sides of the facets, which are where those of the facets are.
+    fn see_from_behind(&mut self, mesh: &Mesh, topology: &Topology) {
+        let Support::Facets(facets) = &self.support else { return };
+        let mut behind = Vec::new();
+        for (position, facet) in facets.iter().enumerate() {
+            let Some(opposite) = topology.opposite(*facet).filter(|o| self.position_of_facet(*o).is_none()) else {
+                continue;
+            };
+            let (element, own) = (self.element_at(position), self.entity_nodes(position));
+            let table = mesh.geometry_element(element.kind()).tabulate(element.points(), 0);
+            let nearest = |dof: usize| {
+                let x = mesh.facet_point_at(opposite, &table, dof);
+                let gap = |node: &u32| {
+                    let y = self.coordinates[*node as usize];
+                    (0..3).map(|d| (x[d] - y[d]) * (x[d] - y[d])).sum::<f64>()
+                };
+                own.iter().copied().min_by(|a, b| gap(a).total_cmp(&gap(b)))
+            };
+            behind.push((opposite, (0..own.len()).filter_map(nearest).collect()));
+        }
+        behind.sort_unstable();
+        self.behind = behind;
     }
 
     /// Physical coordinates of the nodes.

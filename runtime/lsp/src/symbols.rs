@@ -250,9 +250,11 @@ impl<'a> Reader<'a> {
             | ItemKind::Scheme { .. }
             | ItemKind::Solver { .. }
             | ItemKind::Quadrature { .. } => self.request(&item.kind),
-            ItemKind::Measure { .. } | ItemKind::Event { .. } | ItemKind::Expect(_) | ItemKind::Output { .. } => {
-                self.request(&item.kind)
-            }
+            ItemKind::Measure { .. }
+            | ItemKind::Balance { .. }
+            | ItemKind::Event { .. }
+            | ItemKind::Expect(_)
+            | ItemKind::Output { .. } => self.request(&item.kind),
             _ => self.declaration(&item.kind),
         }
     }
@@ -390,6 +392,10 @@ impl<'a> Reader<'a> {
                     self.expr(x);
                 }
             }
+            ItemKind::Balance { name, fields } => {
+                self.declare(name, Kind::Measure);
+                fields.iter().for_each(|field| self.value(field));
+            }
             ItemKind::Event { name, condition, places } => {
                 self.declare(name, Kind::Measure);
                 self.cond(condition);
@@ -420,7 +426,7 @@ impl<'a> Reader<'a> {
             "data" => Some(Kind::Data),
             "state" => Some(Kind::State),
             "def" => Some(Kind::Def),
-            "measure" | "event" => Some(Kind::Measure),
+            "measure" | "balance" | "event" => Some(Kind::Measure),
             "mapping" => Some(Kind::Mapping),
             "steps" => Some(Kind::Steps),
             "region" => Some(Kind::Region),

@@ -196,6 +196,11 @@ impl Pair<'_> {
             if measure.reduction == Reduction::Value {
                 return run.scene.derivative(&run.script, backend, &measure.expr, Over::Point(wanted), at(to));
             }
+            if matches!(measure.reduction, Reduction::Reaction | Reduction::Balance(_)) {
+                return Err(format!(
+                    "`{wanted}` is made of equations, its error has no estimate; that of an integral has one"
+                ));
+            }
             if measure.reduction == Reduction::Mean {
                 // by the size of its region
                 let one = number(run, 1.0);

@@ -4,7 +4,7 @@ use super::{Progress, Run, StepResult, events::Sides};
 use crate::{
     assemble::FieldValues,
     finite::{BadMeasure, BadOutput},
-    scene::{CsvOutput, Scene, Solving, StepPlace},
+    scene::{CsvOutput, Measured, Scene, Solving, StepPlace},
 };
 
 impl Run {
@@ -18,8 +18,9 @@ impl Run {
         let Solving { system, scene: Scene { measures: asked, .. }, .. } = scene;
         let u = &self.u;
         let (mut measures, mut bad_measures) = (Vec::with_capacity(asked.len()), Vec::new());
+        let at = self.measured(scene, time, increment);
         for measure in asked {
-            let value = measure.evaluate(system, time, increment, u);
+            let value = measure.evaluate(&at);
             if !value.is_finite() {
                 bad_measures.push(measure.bad(value, system, u));
             }
@@ -27,6 +28,13 @@ impl Run {
         }
         measures.extend(self.stepper.energies(scene));
         (measures, bad_measures)
+    }
+
+    /// The present state, as measures see it.
+    fn measured<'s>(&'s self, scene: &'s Solving<'_>, time: f64, increment: f64) -> Measured<'s> {
+        let at = Measured::new(scene.system, time, increment, &self.u);
+        let is_start = self.steps.is_empty() && scene.steps.from_start;
+        if is_start { at.where_time_starts() } else { at }
     }
 
     /// What the next increment is at most: a limit that is no positive number limits nothing.
@@ -41,10 +49,11 @@ impl Run {
         if limit.is_none() && scene.events.is_empty() {
             return (f64::INFINITY, Vec::new());
         }
-        let Solving { system, scene: Scene { watched, measures, .. }, .. } = scene;
+        let Scene { watched, measures, .. } = scene.scene;
         let mut values: Vec<(String, f64)> = Vec::new();
+        let at = self.measured(scene, time, increment);
         for measure in watched.iter().chain(measures) {
-            values.push((measure.name.clone(), measure.evaluate(system, time, increment, &self.u)));
+            values.push((measure.name.clone(), measure.evaluate(&at)));
         }
         values.extend(scene.steps.variable.clone().map(|name| (name, time)));
         // a quotient by zero has no number: a slip rate of zero counts as the smallest one, behind which the increment is free

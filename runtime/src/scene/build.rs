@@ -20,10 +20,11 @@ use super::{
     StateUpdate, Steps, TablesOf, VtkOutput, With,
     assemble::Assembled,
     batch::Batch,
-    constants, constraints, coverage, explicit, fields, idle, mappings, massless, meeting, mesh, options, outputs,
+    constants, constraints, coverage, explicit, fields, idle, mappings, massless, measures, meeting, mesh, options,
+    outputs,
     place::{Findings, OnTeam, Place, part_of_mesh, whole},
     rates::{self, Integration},
-    rest, states, terms,
+    reactions, rest, states, terms,
 };
 use crate::{
     contact::{Contact, ContactTerm},
@@ -241,16 +242,25 @@ impl Builder<'_> {
         }
         let (newton, accuracy) = self.solver_options();
         let integration = self.scheme();
+        self.rates_of_expressions(integration.scheme);
         let starts = self.starts();
         let start_rates = self.start_rates();
         let data = self.data();
-        let measures = self.measures(&self.script.measures, rules);
+        let from = measures::From {
+            rules,
+            held: reactions::Held {
+                numbering: &numbered.numbering,
+                prescribed: &numbered.prescribed,
+                integration: &integration,
+            },
+        };
+        let measures = self.measures(&self.script.measures, from);
         // names of measures are told apart by what they belong to
         let lists = self.script.steps.iter().map(|s| ("", &s.watched));
         let lists = lists.chain(self.script.events.iter().map(|e| (e.name.name.as_str(), &e.watched)));
         let mut watched = Vec::new();
         for (owner, list) in lists {
-            let made = self.measures(list, rules);
+            let made = self.measures(list, from);
             watched.extend(made.into_iter().map(|m| Measure { name: format!("{owner}{}", m.name), ..m }));
         }
         rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
@@ -310,6 +320,7 @@ impl Builder<'_> {
             data,
             states,
             measures,
+            balances: self.script.balances.iter().map(|b| b.name.name.clone()).collect(),
             watched,
             prints: self.prints,
             vtk,

@@ -15,12 +15,12 @@ use wfl::{
 use wfl_compiler::{Env, backend::KernelBackend, compile_value, types::Shape, without_fields};
 
 use crate::{
-    field::FieldSpace,
+    field::{Field, FieldSpace},
     finite::BadGiven,
     frames::Frame,
     mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
     scene::{
-        Parts,
+        Parts, edges,
         mesh::{POSITIONS_ONLY, position_place, with_zeros},
         normals::node_normals,
         terms::{component, restricted},
@@ -149,6 +149,17 @@ impl Prescribed {
     pub fn dofs(&self) -> BTreeSet<usize> {
         let tilted = self.tilted.iter().flat_map(|t| (0..t.numbers.len()).map(|k| t.frame.first + k));
         self.plain.iter().map(|(dof, _)| *dof).chain(tilted).collect()
+    }
+
+    /// The dofs whose component is prescribed by its own name, each with the number of its statement: the last one that
+    /// says so. Statements on several regions count for each.
+    pub(super) fn statements(&self) -> BTreeMap<usize, usize> {
+        self.plain.iter().map(|(dof, number)| (*dof, number.fix)).collect()
+    }
+
+    /// How many statements there are.
+    pub(super) fn n_statements(&self) -> usize {
+        self.fixes.len()
     }
 
     /// The dofs whose component is prescribed.
@@ -332,6 +343,7 @@ impl ConstraintMaker<'_> {
             self.diagnostics.push(d.at(place.span, text));
             return None;
         }
+        self.has_nodes_of_edges(field, place)?;
         let n = field.n_components;
         let whole = matches!(target.part, TargetPart::Whole);
         // by node: along what, with which entry of the value and which sign
@@ -364,6 +376,17 @@ impl ConstraintMaker<'_> {
             _ => Vec::new(),
         };
         Some((Fix { positions, value, what, span, field, statement, position, facets }, conditions))
+    }
+
+    /// E405 for edges in space whose inner nodes would stay free.
+    fn has_nodes_of_edges(&mut self, field: &Field, place: &wfl::ast::Ident) -> Option<()> {
+        if self.parts.mesh.dim() < 3 || field.degree() < 2 || !edges::are_in(self.parts.script, &place.name) {
+            return Some(());
+        }
+        let d = Diagnostic::new("E405", format!("`{}` has nodes inside the edges of `{}`", field.name, place.name));
+        let text = "values there would stay free: of edges in space only fields of degree 1 are fixed";
+        self.diagnostics.push(d.at(place.span, text).help("a region of faces at the rim, or an element of degree 1"));
+        None
     }
 
     /// "the 256 faces of `east` belong to `right`; uL lives on `left`"

@@ -78,7 +78,9 @@ pub(super) fn counted(script: &ResolvedScript) -> BTreeMap<&str, Counted> {
         let counted = match measure.reduction {
             Reduction::Integral => Counted::Fully,
             Reduction::Mean => Counted::Mean,
-            Reduction::Max | Reduction::Min | Reduction::Value => Counted::No,
+            Reduction::Max | Reduction::Min | Reduction::Value | Reduction::Reaction | Reduction::Balance(_) => {
+                Counted::No
+            }
         };
         add(&measure.places, counted);
     }

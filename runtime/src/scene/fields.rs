@@ -72,15 +72,16 @@ impl FieldMaker<'_> {
                 false => FieldSpace::Points(state_points(declared, self.mesh, self.regions, self.diagnostics)?),
             };
             let field = Field { name: name.clone(), kind, n_components: shape.len(), space };
-            return Some((field, FieldSig { name, shape, degree: 0, kind, global }));
+            return Some((field, FieldSig { name, shape, degree: 0, kind, global, on_faces: false }));
         }
         let space = match part {
             Some(part) => self.told(Space::of_part(self.mesh, self.topology, part), declared)?,
             None => self.space(declared, &name)?,
         };
         let degree = space.degree();
+        let on_faces = matches!(space.support(), Support::Facets(_));
         let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space) };
-        Some((field, FieldSig { name, shape, degree, kind, global: false }))
+        Some((field, FieldSig { name, shape, degree, kind, global: false, on_faces }))
     }
 
     /// The nodes of a field on the whole mesh.

@@ -13,10 +13,11 @@ use wfl::{
 use wfl_compiler::{ValueLaw, compile_value};
 
 use super::{
-    Builder, Measure, RuleChoice,
+    Builder, Measure, Measured, RuleChoice, Taken,
     constants::numbers,
     jumps, mappings,
     outputs::OutputMaker,
+    reactions::Held,
     sampling::parts,
     states::states_read,
     terms::{self, PointsOf},
@@ -36,6 +37,13 @@ use crate::{
 /// An extreme value at nodes is looked for in so many parts of a cell along each direction, too, where its error is
 /// estimated: between nodes a parabola is larger by at most 1/(2 n)^2 of its height.
 const PARTS_BESIDE_NODES: usize = 8;
+
+/// What measures are made from.
+#[derive(Clone, Copy)]
+pub(super) struct From<'a> {
+    pub(super) rules: &'a terms::Rules,
+    pub(super) held: Held<'a>,
+}
 
 impl Builder<'_> {
     /// The rule of the terms on the place, so that measured forces are those that act and states are met; a higher one for
@@ -78,47 +86,62 @@ impl Builder<'_> {
         parts(dim, set.len(), (degree / 2 + 1).pow(u32::try_from(dim).unwrap_or(3)))
     }
 
-    pub(super) fn measures(&mut self, list: &[wfl::Measure], rules: &terms::Rules) -> Vec<Measure> {
+    pub(super) fn measures(&mut self, list: &[wfl::Measure], from: From<'_>) -> Vec<Measure> {
         let mut out = Vec::new();
         for measure in list {
-            let mut parts = Vec::new();
-            if let MeasureAt::Point(x) = &measure.at {
-                parts.extend(self.at_point(measure, x, rules));
-            }
-            let mut list = terms::Listed::default();
-            for place in &measure.places {
-                let Some((sig, set)) = self.term_maker().place(place) else { continue };
-                // what is largest or smallest is the same however often it counts
-                let mut unsaid = Vec::new();
-                let counts = matches!(measure.reduction, Reduction::Integral | Reduction::Mean);
-                let told = if counts { &mut *self.diagnostics } else { &mut unsaid };
-                let Some(set) = list.rest(&self.mesh, place, set, told) else { continue };
-                let law = compile_value(self.env, &sig, "measure", &measure.expr);
-                self.diagnostics.extend(law.diagnostics);
-                let Some(law) = law.value else { continue };
-                if !self.is_number(measure, &law) {
-                    continue;
-                }
-                if let Some(set) = &set {
-                    let (parts, diagnostics) = self.parts();
-                    jumps::check(parts, &place.name, set, &law.jumps, diagnostics);
-                }
-                let domain = match (&measure.at, &set) {
-                    (MeasureAt::Nodes, Some(set)) => self.nodes_of(set, measure),
-                    _ => {
-                        let rule = self.rule_of_measure(measure, &law, &place.name, rules);
-                        let there = mappings::fields_there(&law.inputs, []);
-                        let through = law.mapping.map(|mapping| mappings::Through { mapping, there });
-                        let parts = self.parts_of_measure(measure, set.as_ref(), &law, rule);
-                        self.domain(&(place.name.clone(), set, through), PointsOf { rule, parts }, measure.expr.span)
-                    }
-                };
-                parts.extend(domain.and_then(|domain| self.taken(measure, law, domain)));
-            }
-            let (name, span) = (measure.name.name.clone(), measure.expr.span);
-            out.push(Measure { name, reduction: measure.reduction, parts, span });
+            let taken = match measure.reduction {
+                Reduction::Reaction => match self.reaction(measure, from.held) {
+                    Some(reaction) => Taken::Reaction(reaction),
+                    None => continue,
+                },
+                Reduction::Balance(part) => match self.balanced(measure, part, from.held) {
+                    Some(balanced) => Taken::Balance(balanced),
+                    None => continue,
+                },
+                reduction => Taken::Points(reduction, self.at_points(measure, from.rules)),
+            };
+            out.push(Measure { name: measure.name.name.clone(), taken, span: measure.expr.span });
         }
         out
+    }
+
+    /// The expression of a measure at the points where it is taken.
+    fn at_points(&mut self, measure: &wfl::Measure, rules: &terms::Rules) -> Vec<(Value, Sampled)> {
+        let mut parts = Vec::new();
+        if let MeasureAt::Point(x) = &measure.at {
+            parts.extend(self.at_point(measure, x, rules));
+        }
+        let mut list = terms::Listed::default();
+        for place in &measure.places {
+            let Some((sig, set)) = self.term_maker().place(place) else { continue };
+            // what is largest or smallest is the same however often it counts
+            let mut unsaid = Vec::new();
+            let counts = matches!(measure.reduction, Reduction::Integral | Reduction::Mean);
+            let told = if counts { &mut *self.diagnostics } else { &mut unsaid };
+            let Some(set) = list.rest(&self.mesh, place, set, told) else { continue };
+            let law = compile_value(self.env, &sig, "measure", &measure.expr);
+            self.diagnostics.extend(law.diagnostics);
+            let Some(law) = law.value else { continue };
+            if !self.is_number(measure, &law) {
+                continue;
+            }
+            if let Some(set) = &set {
+                let (parts, diagnostics) = self.parts();
+                jumps::check(parts, &place.name, set, &law.jumps, diagnostics);
+            }
+            let domain = match (&measure.at, &set) {
+                (MeasureAt::Nodes, Some(set)) => self.nodes_of(set, measure),
+                _ => {
+                    let rule = self.rule_of_measure(measure, &law, &place.name, rules);
+                    let there = mappings::fields_there(&law.inputs, []);
+                    let through = law.mapping.map(|mapping| mappings::Through { mapping, there });
+                    let parts = self.parts_of_measure(measure, set.as_ref(), &law, rule);
+                    self.domain(&(place.name.clone(), set, through), PointsOf { rule, parts }, measure.expr.span)
+                }
+            };
+            parts.extend(domain.and_then(|domain| self.taken(measure, law, domain)));
+        }
+        parts
     }
 
     /// Whether the expression of a measure has one number at each point.
@@ -225,65 +248,85 @@ impl Builder<'_> {
 impl Measure {
     /// The points of a measure that is taken on one set of them.
     pub(super) fn domain(&self) -> Option<Arc<Domain>> {
-        let [(_, sampled)] = self.parts.as_slice() else { return None };
+        let Taken::Points(_, parts) = &self.taken else { return None };
+        let [(_, sampled)] = parts.as_slice() else { return None };
         Some(sampled.domain.clone())
     }
 
     /// True if it reads the end of the previous step.
     #[must_use]
     pub fn reads_past(&self) -> bool {
-        self.parts.iter().any(|(value, _)| value.reads_past())
+        match &self.taken {
+            Taken::Points(_, parts) => parts.iter().any(|(value, _)| value.reads_past()),
+            // terms read states as they were
+            Taken::Reaction(_) | Taken::Balance(_) => true,
+        }
     }
 
-    /// Where the expression is not finite, for a `value` that is not, at the state and step of the last
-    /// [`Self::evaluate`].
+    /// Where the expression is not finite, for a `value` that is not, at the state of the last [`Self::evaluate`].
     pub fn bad(&self, value: f64, system: &System, u: &[f64]) -> BadMeasure {
         let current = system.slices(u);
         let previous = system.previous_slices();
         let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
-        let at = self.parts.iter().find_map(|(v, sampled)| v.first_not_finite(&system.mesh, sampled, values));
+        let at = match &self.taken {
+            Taken::Points(_, parts) => {
+                parts.iter().find_map(|(v, sampled)| v.first_not_finite(&system.mesh, sampled, values))
+            }
+            Taken::Reaction(_) | Taken::Balance(_) => None,
+        };
         BadMeasure { name: self.name.clone(), span: self.span, value, at }
     }
 
-    /// Its value at a state.
-    pub fn evaluate(&self, system: &System, time: f64, increment: f64, u: &[f64]) -> f64 {
-        let current = system.slices(u);
-        let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
-        let (mut sum, mut size) = (0.0, 0.0);
-        let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
-        // of a sum with an infinite part nothing is known, and neither of the largest of values of which one is none
-        let mut broken: Option<f64> = None;
-        for (value, sampled) in &self.parts {
-            value.at_step(values.step(time, increment)).for_each_counted_point(
-                &system.mesh,
-                sampled,
-                values,
-                |weight, v| {
-                    sum += weight * v[0];
-                    size += weight;
-                    largest = largest.max(v[0]);
-                    smallest = smallest.min(v[0]);
-                    if !v[0].is_finite() && !broken.is_some_and(f64::is_nan) {
-                        broken = Some(v[0]);
-                    }
-                },
-            );
+    /// Its value at a state; made by all ranks together.
+    #[must_use]
+    pub fn evaluate(&self, at: &Measured<'_>) -> f64 {
+        match &self.taken {
+            Taken::Points(reduction, parts) => reduced(*reduction, parts, at),
+            Taken::Reaction(reaction) => reaction.value(at),
+            Taken::Balance(balanced) => balanced.value(at),
         }
-        let team = system.team();
-        if let Some(rank) = team.first(broken.is_some()) {
-            return team.numbers_of(rank, broken.as_slice())[0];
-        }
-        let mut sums = [sum, size];
-        team.sum(&mut sums);
-        let [sum, size] = sums;
-        let [_, largest] = team.range(largest, largest);
-        let [smallest, _] = team.range(smallest, smallest);
-        match self.reduction {
-            Reduction::Integral => sum,
-            Reduction::Mean => sum / size,
-            Reduction::Max | Reduction::Value => largest,
-            Reduction::Min => smallest,
-        }
+    }
+}
+
+/// Values at points as one number.
+fn reduced(reduction: Reduction, parts: &[(Value, Sampled)], at: &Measured<'_>) -> f64 {
+    let Measured { system, time, increment, u, .. } = *at;
+    let current = system.slices(u);
+    let previous = system.previous_slices();
+    let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
+    let (mut sum, mut size) = (0.0, 0.0);
+    let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
+    // of a sum with an infinite part nothing is known, and neither of the largest of values of which one is none
+    let mut broken: Option<f64> = None;
+    for (value, sampled) in parts {
+        value.at_step(values.step(time, increment)).for_each_counted_point(
+            &system.mesh,
+            sampled,
+            values,
+            |weight, v| {
+                sum += weight * v[0];
+                size += weight;
+                largest = largest.max(v[0]);
+                smallest = smallest.min(v[0]);
+                if !v[0].is_finite() && !broken.is_some_and(f64::is_nan) {
+                    broken = Some(v[0]);
+                }
+            },
+        );
+    }
+    let team = system.team();
+    if let Some(rank) = team.first(broken.is_some()) {
+        return team.numbers_of(rank, broken.as_slice())[0];
+    }
+    let mut sums = [sum, size];
+    team.sum(&mut sums);
+    let [sum, size] = sums;
+    let [_, largest] = team.range(largest, largest);
+    let [smallest, _] = team.range(smallest, smallest);
+    match reduction {
+        Reduction::Mean => sum / size,
+        Reduction::Max | Reduction::Value => largest,
+        Reduction::Min => smallest,
+        Reduction::Integral | Reduction::Reaction | Reduction::Balance(_) => sum,
     }
 }

@@ -5,6 +5,7 @@
 
 mod assemble;
 mod auto;
+mod balances;
 mod batch;
 mod between;
 mod build;
@@ -16,6 +17,7 @@ mod constraints;
 mod context;
 mod coverage;
 mod cut;
+mod edges;
 mod effects;
 mod equations;
 mod expects;
@@ -45,6 +47,7 @@ mod place;
 mod point_loads;
 mod quantities;
 mod rates;
+mod reactions;
 mod refined;
 mod regions;
 mod rest;
@@ -87,6 +90,7 @@ use crate::{
     value::{Sampled, Value},
 };
 
+pub(crate) use balances::unbalanced;
 use batch::Batch;
 pub use between::Between;
 pub use cadence::{Cadence, Every, StepPlace};
@@ -109,6 +113,7 @@ use part::PartOfUnknowns;
 pub use part::{FromWhole, ScenePart};
 use place::Findings;
 pub(crate) use rates::MOST_FRACTION;
+pub use reactions::Measured;
 pub use refined::Refined;
 pub use regions::{NamedRegion, Regions};
 pub use rest::{Sketch, without_auto};
@@ -122,10 +127,18 @@ pub use terms::RuleChoice;
 pub struct Measure {
     /// Its name.
     pub name: String,
-    /// What is done with the values at the points.
-    pub reduction: Reduction,
-    parts: Vec<(Value, Sampled)>,
+    taken: Taken,
     span: wfl::Span,
+}
+
+/// What a measure is made of.
+enum Taken {
+    /// Values at points, and what is done with them.
+    Points(Reduction, Vec<(Value, Sampled)>),
+    /// Equations of prescribed values.
+    Reaction(reactions::Reaction),
+    /// All equations of some unknowns.
+    Balance(balances::Balanced),
 }
 
 /// Seconds spent while preparing.
@@ -203,6 +216,8 @@ pub struct Scene {
     pub states: Vec<StateUpdate>,
     /// Quantities to report.
     pub measures: Vec<Measure>,
+    /// The names of balances, whose numbers are among the measures.
+    pub balances: Vec<String>,
     /// Quantities that events, and the limit of an increment, are made of.
     pub watched: Vec<Measure>,
     /// What begins and ends during the steps.

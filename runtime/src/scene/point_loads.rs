@@ -1,8 +1,8 @@
 //! `load u = F on r` where `r` is a region of nodes: a force at each of its nodes.
 //!
-//! Each node is a point of weight 1 in one of the cells that contain it, so the value is evaluated at the node and the
-//! force acts on the dofs of that node only. A node that `u` does not have, or has several times (at a split), is an
-//! error.
+//! Each node is a point of weight 1 in one of the cells that contain it, or on one of the faces of a field that lives on
+//! faces, so the value is evaluated at the node and the force acts on the dofs of that node only. A node that `u` does not
+//! have, or has several times (at a split), is an error.
 
 use std::sync::Arc;
 
@@ -15,6 +15,7 @@ use wfl_compiler::{
     types::{FieldId, FieldKind, PlaceSig},
 };
 
+use super::edges;
 use super::terms::{Loaded, PlacedLaw, TermMaker, component};
 use crate::{
     assemble::Domain,
@@ -50,6 +51,12 @@ impl TermMaker<'_> {
                 return;
             }
         };
+        if self.parts.mesh.dim() == 3 && edges::are_in(self.parts.script, &place.name) {
+            let d = Diagnostic::new("E431", format!("`load {}` cannot act along `{}`", field.name, place.name));
+            let text = "in space a load on edges would be per length, which is not available";
+            self.diagnostics.push(d.at(place.span, text).help("at single nodes: nodes of SURFACE where ..."));
+            return;
+        }
         let domain = match self.at_nodes(field, nodes) {
             Ok(domain) => Arc::new(domain),
             Err((what, help)) => {
@@ -75,8 +82,11 @@ impl TermMaker<'_> {
         let FieldSpace::Nodal(space) = &field.space else {
             return Err((format!("`{}` has no nodes of the mesh", field.name), "fields of cells have them"));
         };
-        if matches!(space.support(), Support::Facets(_)) || field.kind == FieldKind::Multiplier {
-            return Err((format!("`{}` lives on faces", field.name), "fields of cells take forces at nodes"));
+        if field.kind == FieldKind::Multiplier {
+            return Err((
+                format!("`{}` is a multiplier: its equation is a condition", field.name),
+                "unknowns take loads",
+            ));
         }
         if space.family() == Family::Discontinuous {
             return Err((
@@ -103,7 +113,11 @@ impl TermMaker<'_> {
                 nodes.len(),
                 place(&missing)
             );
-            return Err((what, "nodes of a body alone: region tip = nodes of left where x == 0"));
+            let help = match space.support() {
+                Support::Cells(_) => "nodes of a body alone: region tip = nodes of left where x == 0",
+                Support::Facets(_) => "nodes of its faces alone: region tip = nodes where x == 0 and y == 0",
+            };
+            return Err((what, help));
         }
         if is_whole && !torn.is_empty() {
             let what =

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use wfl::{
     Diagnostic, FieldKind as Declared, ResolvedScript, StartKind,
     ast::{Expr, ExprKind, Ident, OptionItem},
-    split_prefixes,
+    at_expr, split_prefixes,
 };
 use wfl_compiler::{
     Constant, each_name_in_effect,
@@ -152,6 +152,30 @@ impl Builder<'_> {
         };
         self.unfit_scheme(made.scheme, statement);
         made
+    }
+
+    /// E461 for `Rate(e)` where rates of the scheme are no differences over the step.
+    pub(super) fn rates_of_expressions(&mut self, scheme: Scheme) {
+        if scheme == Scheme::BackwardEuler {
+            return;
+        }
+        let mut found = None;
+        for text in texts(self.script) {
+            wfl::each_word(text, &mut |e, word| {
+                if word == "Rate" {
+                    found = found.or(Some(e));
+                }
+            });
+        }
+        if let Some(e) = found {
+            let d =
+                Diagnostic::new("E461", "`Rate` is a change over one step, and the scheme of this scene has others");
+            let d = at_expr(d, e, self.env.expansions, "").help("scheme backward_euler");
+            self.diagnostics.push(match self.script.scheme.as_ref() {
+                Some(statement) => d.at(statement.span, "this scheme"),
+                None => d.note("without `scheme`, steps `by auto` are backward differences of several steps"),
+            });
+        }
     }
 
     /// The region of `massless=`; a scene without second rates has no mass to give away.

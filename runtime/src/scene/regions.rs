@@ -16,7 +16,7 @@ use crate::{
     scene::{
         conditions::{ConditionMaker, holds, not_a_number},
         constants::{bare_env, number},
-        cut, groups,
+        cut, edges, groups,
         surfaces::Along,
     },
     value::Value,
@@ -141,6 +141,9 @@ impl RegionMaker<'_> {
     /// "no face; the nearest faces have x = 1", for a condition on one coordinate.
     fn nearest_coordinate(&mut self, entity: EntityKind, of: Option<&Ident>, c: &Cond) -> Option<String> {
         let CondKind::Compare(first, rest) = &c.kind else { return None };
+        if of.is_some_and(|of| !matches!(self.lookup(of).map(|r| &r.set), Some(RegionSet::Cells(_)))) {
+            return None;
+        }
         let ([(CmpOp::Equal, wanted)], ExprKind::Name(name)) = (rest.as_slice(), &first.kind) else { return None };
         let axis = ["x", "y", "z"].iter().position(|n| n == name).filter(|d| *d < self.mesh.dim())?;
         let env = bare_env(self.script, self.mesh.dim(), self.params);
@@ -161,7 +164,7 @@ impl RegionMaker<'_> {
         let (one, many) = match entity {
             EntityKind::Cells => ("cell", "cells"),
             EntityKind::Faces => ("face", "faces"),
-            EntityKind::Nodes => ("node", "nodes"),
+            _ => ("node", "nodes"),
         };
         best.map(|b| format!("no {one}; the nearest {many} have {name} = {b}"))
     }
@@ -176,7 +179,9 @@ impl RegionMaker<'_> {
         let word = match entity {
             EntityKind::Cells => "no cell",
             EntityKind::Faces => "no face of the outer boundary",
-            EntityKind::Nodes => "no node",
+            EntityKind::Rim => "no edge with one face alone",
+            EntityKind::Crossings => "no edge with three faces or more",
+            EntityKind::Nodes | EntityKind::Interior => "no node",
         };
         format!("{word}; the mesh spans {}", range.join(", "))
     }
@@ -205,7 +210,13 @@ impl RegionMaker<'_> {
             _ => Vec::new(),
         };
         match entity {
-            EntityKind::Faces if !faces.is_empty() => Some(Part::Faces { of: set.clone(), faces }),
+            EntityKind::Rim | EntityKind::Crossings | EntityKind::Interior if faces.is_empty() => {
+                let text = format!("`{}` is a region of {}, faces are needed", name.name, set.kind());
+                self.diagnostics.push(Diagnostic::new("E405", text).at(name.span, ""));
+                None
+            }
+            EntityKind::Cells => self.cells_of(name).map(Part::Cells),
+            _ if !faces.is_empty() => Some(Part::Faces { of: set.clone(), faces }),
             _ => self.cells_of(name).map(Part::Cells),
         }
     }
@@ -284,7 +295,14 @@ impl RegionMaker<'_> {
         let Ok(set) = match &part {
             Part::Whole => self.pick(entity, None, &mut picks),
             Part::Cells(cells) => self.pick(entity, Some(cells), &mut picks),
-            Part::Faces { faces, .. } => pick_facets(self.mesh, faces, &mut picks),
+            Part::Faces { faces, .. } if entity == EntityKind::Faces => pick_facets(self.mesh, faces, &mut picks),
+            Part::Faces { faces, .. } => match edges::between(self.mesh, entity, faces, span) {
+                Ok(nodes) => edges::pick(self.mesh, nodes, &mut picks),
+                Err(told) => {
+                    self.diagnostics.push(told);
+                    return None;
+                }
+            },
         };
         if let Some(x) = bad {
             self.diagnostics.push(not_a_number(x, span));
@@ -294,7 +312,7 @@ impl RegionMaker<'_> {
             self.tell_cut(entity, &part, &set, value, cond.span);
         }
         match part {
-            Part::Faces { of, .. } => Some(of.intersection(&set).unwrap_or(set)),
+            Part::Faces { of, .. } if entity == EntityKind::Faces => Some(of.intersection(&set).unwrap_or(set)),
             _ => Some(set),
         }
     }
@@ -305,12 +323,12 @@ impl RegionMaker<'_> {
             return;
         }
         let candidates = match (entity, part) {
-            (EntityKind::Nodes, _) => return,
             (EntityKind::Faces, Part::Faces { faces, .. }) => RegionSet::Facets(faces.clone()),
             (EntityKind::Faces, Part::Cells(cells)) => RegionSet::Facets(boundary_of(self.mesh, self.topology, cells)),
             (EntityKind::Faces, Part::Whole) => RegionSet::Facets(outer_boundary(self.topology)),
             (EntityKind::Cells, Part::Cells(cells)) => RegionSet::Cells(cells.clone()),
             (EntityKind::Cells, _) => RegionSet::Cells(self.mesh.cells().collect()),
+            _ => return,
         };
         let mut holds = |x| holds(condition, x) == Some(true);
         self.diagnostics.extend(cut::told(self.mesh, &candidates, set, &mut holds, (span, self.counted)));
@@ -324,7 +342,6 @@ impl RegionMaker<'_> {
     ) -> Result<RegionSet, std::convert::Infallible> {
         match entity {
             EntityKind::Cells => pick_cells(self.mesh, cells, holds),
-            EntityKind::Nodes => pick_nodes(self.mesh, cells, holds),
             EntityKind::Faces => {
                 let facets = match cells {
                     Some(c) => boundary_of(self.mesh, self.topology, c),
@@ -332,6 +349,8 @@ impl RegionMaker<'_> {
                 };
                 pick_facets(self.mesh, &facets, holds)
             }
+            // the others have faces that they are of
+            _ => pick_nodes(self.mesh, cells, holds),
         }
     }
 

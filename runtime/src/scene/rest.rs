@@ -221,9 +221,22 @@ fn signatures(script: &ResolvedScript, env: &Env<'_>, lost: &mut Lost) -> Vec<Fi
             Declared::State { .. } => FieldKind::State,
         };
         let global = matches!(field.space.place, Place::Global(_));
-        out.push(FieldSig { name, shape, degree: 1, kind, global });
+        let on_faces = kind != FieldKind::State && lives_on_faces(script, &field.space.place);
+        out.push(FieldSig { name, shape, degree: 1, kind, global, on_faces });
     }
     out
+}
+
+/// True if all regions of a place are declared as faces.
+fn lives_on_faces(script: &ResolvedScript, place: &Place) -> bool {
+    let Place::On(list) = place else { return false };
+    let is_faces = |name: &str| match kind_of(script, name) {
+        Some(PlaceKind::Facets) => true,
+        // what only a mesh file knows may be cells
+        Some(PlaceKind::Interface) => script.regions.iter().any(|r| r.name.name == name),
+        _ => false,
+    };
+    list.iter().all(|region| is_faces(&region.name))
 }
 
 /// The mappings, which lead to places where every field lives.
@@ -259,7 +272,7 @@ fn kind_of(script: &ResolvedScript, name: &str) -> Option<PlaceKind> {
                     PlaceKind::Facets
                 });
             }
-            Some(RegionExpr::Picked { entity: EntityKind::Nodes, .. }) => return None,
+            Some(RegionExpr::Picked { .. }) => return None,
             Some(RegionExpr::Interface { .. } | RegionExpr::Along { .. }) | None => return Some(PlaceKind::Interface),
             Some(RegionExpr::Name(n)) if n.name == "all" => return Some(PlaceKind::Cells),
             Some(RegionExpr::Name(n)) if n.name == "boundary" => return Some(PlaceKind::Facets),

@@ -235,7 +235,11 @@ impl Setup {
             FieldText::Global { values, .. } => {
                 let shape = vector_or_scalar(values.len());
                 let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Global };
-                self.push(field, FieldSig { name, shape, degree: 0, kind, global: true }, values.clone());
+                self.push(
+                    field,
+                    FieldSig { name, shape, degree: 0, kind, global: true, on_faces: false },
+                    values.clone(),
+                );
             }
             FieldText::Fem { space, components, cells, values, .. } => {
                 let cells = cell_ids(&self.mesh, cells)?;
@@ -246,7 +250,7 @@ impl Setup {
                 let field =
                     Field { name: name.clone(), kind, n_components: *components, space: FieldSpace::Nodal(space) };
                 let values = self.nodal(&field, values)?;
-                self.push(field, FieldSig { name, shape, degree, kind, global: false }, values);
+                self.push(field, FieldSig { name, shape, degree, kind, global: false, on_faces: false }, values);
             }
         }
         Ok(())
@@ -258,7 +262,11 @@ impl Setup {
         let kind = FieldKind::State;
         let field = Field { name: name.to_owned(), kind, n_components: shape.len(), space };
         let values = self.nodal(&field, &text.values)?;
-        self.push(field, FieldSig { name: name.to_owned(), shape, degree: 0, kind, global: false }, values);
+        self.push(
+            field,
+            FieldSig { name: name.to_owned(), shape, degree: 0, kind, global: false, on_faces: false },
+            values,
+        );
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 //! term at every state, on one thread.
 
 use wfl_compiler::types::FieldKind;
-use wfl_runtime::{FIXED, Form, Scene, StepResult, System, assemble::AssembledTerm};
+use wfl_runtime::{FIXED, Form, Measured, Scene, StepResult, System, assemble::AssembledTerm};
 
 use crate::fuzz::Random;
 
@@ -156,7 +156,7 @@ fn measures(scene: &mut Scene, step: &StepResult) -> f64 {
     let Scene { measures, system, .. } = scene;
     let mut worst = if measures.len() == step.measures.len() { 0.0f64 } else { f64::INFINITY };
     for (measure, (_, told)) in measures.iter_mut().zip(&step.measures) {
-        let found = measure.evaluate(system, step.time, step.increment, &step.state);
+        let found = measure.evaluate(&Measured::new(system, step.time, step.increment, &step.state));
         if found.to_bits() != told.to_bits() {
             worst = worst.max((found - told).abs() / found.abs().max(told.abs()));
         }

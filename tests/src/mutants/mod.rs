@@ -17,8 +17,8 @@ use wfl::{Diagnostic, NoFiles, SourceMap, resolve};
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_jit::JitBackend;
 use wfl_runtime::{
-    Equations, FIXED, Outcome, Prepared, Pruning, Quiet, RuleChoice, RunOptions, Scene, checks::locked_bodies,
-    prepare_keeping, run,
+    Equations, FIXED, Measured, Outcome, Prepared, Pruning, Quiet, RuleChoice, RunOptions, Scene,
+    checks::locked_bodies, prepare_keeping, run,
 };
 
 use crate::{doubts, fuzz::Random};
@@ -219,7 +219,7 @@ fn rounding_decides(scene: &Scene, measure: usize, outcome: &Outcome, much: f64)
                 if is_free { value + size * (random.below(2001) as f64 / 1000.0 - 1.0) } else { *value }
             };
             let beside: Vec<f64> = step.state.iter().enumerate().map(noisy).collect();
-            let found = scene.measures[measure].evaluate(system, step.time, step.increment, &beside);
+            let found = scene.measures[measure].evaluate(&Measured::new(system, step.time, step.increment, &beside));
             (least, most) = (least.min(found), most.max(found));
         }
         most - least > much

@@ -3,7 +3,7 @@
 //! told. A prescribed value must hold, whatever else is prescribed.
 
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::{FIXED, Form, Scene, StepResult};
+use wfl_runtime::{FIXED, Form, Measured, Scene, StepResult};
 
 use super::{Mutant, mutate::word, ready};
 use crate::fuzz::Random;
@@ -117,7 +117,8 @@ fn step_traces(
     scene.prescribed.apply(time, increment, &mut u).ok()?;
     traces.values.extend(bits(&u));
     for measure in &mut scene.measures {
-        traces.values.push(measure.evaluate(&scene.system, time, increment, &step.state).to_bits());
+        let at = Measured::new(&scene.system, time, increment, &step.state);
+        traces.values.push(measure.evaluate(&at).to_bits());
     }
     let size = step.state.iter().fold(1e-3f64, |m, v| m.max(v.abs()));
     let mut random = Random(7);

@@ -45,6 +45,7 @@ pub(crate) fn compile_on(text: &str, dim: usize, what: As, kind: PlaceKind) -> R
         degree: 2,
         kind: FieldKind::Unknown,
         global: false,
+        on_faces: false,
     };
     let fields: Vec<FieldSig> = FIELDS.iter().map(|n| field(n)).collect();
     let params: BTreeMap<String, Constant> = BTreeMap::new();

@@ -60,7 +60,9 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E208",
         "a gradient that does not exist",
-        "A single number for the whole scene, and values stored at integration points, have no gradient.",
+        "A single number for the whole scene, and values stored at integration points, have no gradient. A field that lives \
+         on faces has the gradient along its faces, and no second derivatives: an unknown q of its own with the term \
+         (q - Grad_p).Test_q has them as Grad_q.",
         "unknown d : scalar global\nterm t on all : Grad_d.Grad_d*Test_u(1)",
         "unknown d : scalar global\nterm t on all : d*d*Test_u(1)",
     ),

@@ -396,6 +396,35 @@ pub(super) const PAGES: &[CodePage] = &[
          fix p = 1 on boundary\nstart u = x\nscheme newmark\nsteps t = 0 to 1 by 0.01",
     ),
     page(
+        "E460",
+        "a reaction that there is not",
+        "`reaction(u(1))` is the sum of the forces that prescribed values carry at the nodes of a region: minus what is left \
+         of their equations. Some value of the unknown must be prescribed there, and the argument is linear in one unknown. \
+         The equations hold at the end of a step: not with `scheme explicit`, `hht` and `generalised_alpha`.",
+        "measure force = reaction(Norm(u)) on west",
+        "measure force = reaction(u(1)) on west",
+    ),
+    page(
+        "E461",
+        "a change over the step that is not known",
+        "`Rate(e)` is the value of e less that at the end of the previous step, over the increment. It is the rate of the \
+         scheme with `scheme backward_euler` alone: backward differences of several steps (what `by auto` takes), Newmark's \
+         rule and explicit steps have other rates, and a sum of both would conserve nothing. e has no rates, earlier values \
+         and increments in it.",
+        "unknown p : scalar\nterm storage on all : Rate(p + Previous_p)*Test_p\nterm flow on all : Grad_p.Grad_Test_p\n\
+         steps t = 0 to 1 by 0.1",
+        "unknown p : scalar\nterm storage on all : Rate(p + p^3)*Test_p\nterm flow on all : Grad_p.Grad_Test_p\n\
+         load p = 1 on all\nfix p = 0 on west\nsteps t = 0 to 1 by 0.1",
+    ),
+    page(
+        "E462",
+        "a balance that adds up nothing",
+        "`balance water of p, pf` adds the equations of scalar unknowns. Equations of displacements are forces: what carries \
+         them is measured by `reaction(u(1))`.",
+        "balance water of u",
+        "unknown p : scalar\nterm flow on all : Grad_p.Grad_Test_p\nload p = 1 on all\nfix p = 0 on west\nbalance water of p",
+    ),
+    page(
         "E501",
         "units that do not match",
         "Both sides of a sum must have the same unit. Units are checked as soon as a param, field or datum has one. A \

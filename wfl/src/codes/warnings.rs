@@ -621,6 +621,15 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 3 by 1",
     ),
     page(
+        "W650",
+        "a balance that does not close",
+        "`balance` adds the equations of unknowns. What came in, did not go out and was not taken up is lost: the equations \
+         were not solved to 1e-8 of what moves. A tolerance of Newton's method that is too large, a step that did not \
+         converge, or a mapping some of whose points have no image can be the cause.",
+        "solver newton with tol=1e-3",
+        "solver newton with tol=1e-10",
+    ),
+    page(
         "W702",
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \

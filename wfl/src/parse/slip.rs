@@ -262,7 +262,7 @@ fn contextual(rule: Rule) -> &'static [&'static str] {
     match rule {
         Rule::shape => &["hex", "tet", "quad", "tri", "segment"],
         Rule::rank => &["scalar", "vector", "matrix"],
-        Rule::reduction => &["mean", "max", "min", "integral", "value"],
+        Rule::reduction => &["mean", "max", "min", "integral", "value", "reaction"],
         Rule::entity => &["cells", "faces", "nodes"],
         Rule::picked => &["cells", "faces", "nodes"],
         Rule::region_expr => &["cells", "faces", "nodes", "interface"],

@@ -81,6 +81,7 @@ const TOKENS: &[Rule] = {
         R::k_quad,
         R::k_measure,
         R::k_expect,
+        R::k_balance,
         R::k_event,
         R::k_when,
         R::k_output,
@@ -226,6 +227,7 @@ impl Reader<'_> {
             Rule::solver => ItemKind::Solver { name: self.ident(&p.next()), options: self.options(&mut p)? },
             Rule::quadrature => ItemKind::Quadrature { places: self.places(p.next()), rule: self.rule(p.next())? },
             Rule::measure => self.measure(p)?,
+            Rule::balance => ItemKind::Balance { name: self.name(&p.next())?, fields: self.places(p.next()) },
             Rule::event => self.event(p)?,
             Rule::expect => ItemKind::Expect(self.cond(p.next())?),
             _ => self.output(p)?,
@@ -256,7 +258,8 @@ impl Reader<'_> {
         }
         let d = Diagnostic::new("E113", format!("`{}` is not taken there", word.as_str())).at(self.span(&word), "");
         let help = "value(expression) at [0,1] is that of one point, max or min(expression) at nodes of region of all \
-                    nodes; mean, max, min and integral(expression) on region use its integration points";
+                    nodes; mean, max, min and integral(expression) on region use its integration points, reaction(u(1)) on \
+                    region the nodes with prescribed values";
         Err(Box::new(d.help(help)))
     }
 

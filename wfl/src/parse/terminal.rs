@@ -40,6 +40,9 @@ pub(super) fn entity(word: &str) -> EntityKind {
     match word {
         "cells" => EntityKind::Cells,
         "faces" => EntityKind::Faces,
+        "rim" => EntityKind::Rim,
+        "crossings" => EntityKind::Crossings,
+        "interior" => EntityKind::Interior,
         _ => EntityKind::Nodes,
     }
 }
@@ -50,6 +53,7 @@ pub(super) fn reduction(word: &str) -> Reduction {
         "max" => Reduction::Max,
         "min" => Reduction::Min,
         "value" => Reduction::Value,
+        "reaction" => Reduction::Reaction,
         _ => Reduction::Integral,
     }
 }

@@ -49,6 +49,14 @@ pub(super) const ROWS: &[StatementRow] = &[
     },
     StatementRow {
         word: "region",
+        usage: "`region r = rim/crossings of s [where condition]`",
+        meaning: "nodes where the faces or the interface `s` end (edges with one face; points in the plane) and where they \
+                  meet (edges with three faces or more); `nodes of s` are all nodes of its faces. They can be fixed; in \
+                  space fields of degree 1, and loads are those of single nodes",
+        default: "",
+    },
+    StatementRow {
+        word: "region",
         usage: "`region f = interface from a to b`",
         meaning: "the faces between two regions of cells; `Normal` points from `a` to `b`; plain names are values on \
                   the side of `a`",
@@ -294,6 +302,22 @@ pub(super) const ROWS: &[StatementRow] = &[
         default: "",
     },
     StatementRow {
+        word: "measure",
+        usage: "`measure m = reaction(u(1)) on r`",
+        meaning: "what the values carry that `fix` prescribes at the nodes of `r`: minus the sum of their equations, the force \
+                  that the body exerts on its support, the flow of a scalar out of the body. The argument is linear in one \
+                  unknown: `p`, `u(1)`, `u.[0,1]`, the moment `x*u(2) - y*u(1)`",
+        default: "",
+    },
+    StatementRow {
+        word: "balance",
+        usage: "`balance water of p, pf`",
+        meaning: "what the equations of scalar unknowns add up to, as measures: `water_in` and `water_out` of loads and \
+                  prescribed values, `water_NAME` of what each term takes up, `water_lost` of what is left, in the unit of the \
+                  equations; more than 1e-8 lost is warned of (W650)",
+        default: "",
+    },
+    StatementRow {
         word: "event",
         usage: "`event e = max(V) on fault > 1e-3`",
         meaning: "what begins and ends during the steps: a comparison of numbers made of measures, parameters, the step \
@@ -347,7 +371,7 @@ pub(super) const ROWS: &[StatementRow] = &[
     },
     StatementRow {
         word: "use",
-        usage: "`use \"file.wfl\"`, `use \"contact\"`, `use \"elasticity\"`",
+        usage: "`use \"file.wfl\"`, `use \"contact\"`, `use \"elasticity\"`, `use \"poro\"`",
         meaning: "includes another file (the ending may be omitted) or macros of the standard library",
         default: "",
     },

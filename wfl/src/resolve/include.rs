@@ -63,6 +63,7 @@ impl Loader for NoFiles {
 pub const LIBRARY: &[(&str, &str)] = &[
     ("contact.wfl", include_str!("../../std/contact.wfl")),
     ("elasticity.wfl", include_str!("../../std/elasticity.wfl")),
+    ("poro.wfl", include_str!("../../std/poro.wfl")),
 ];
 
 /// The ending of the texts of scenes.

@@ -6,7 +6,7 @@ use crate::{
     ast::{ExprKind, Ident, Item, ItemKind, MacroDef, MeshSource},
     diag::{Diagnostic, nearest},
     foreign::field_slip,
-    script::{Event, ResolvedScript},
+    script::{Balance, Event, ResolvedScript},
     source::{SourceMap, Span},
     words::{REGIONS, is_function, reserved, split_prefixes},
 };
@@ -111,6 +111,12 @@ impl Names {
             if let ItemKind::Event { name, .. } = &item.kind {
                 for end in Event::NUMBERS {
                     let number = Ident { name: format!("{}{end}", name.name), span: name.span };
+                    names.value(Kind::Measure, &number, dimension, diagnostics);
+                }
+            }
+            if let ItemKind::Balance { name, .. } = &item.kind {
+                for (end, _) in Balance::parts(names_of_terms(items).iter().map(String::as_str)) {
+                    let number = Ident { name: format!("{}_{end}", name.name), span: name.span };
                     names.value(Kind::Measure, &number, dimension, diagnostics);
                 }
             }

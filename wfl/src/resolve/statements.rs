@@ -4,8 +4,8 @@ use super::{FORMATS, Resolver, SCHEMES, SOLVERS, is_solved_for, names, names::Ki
 use crate::{
     ast::{Ident, Item, ItemKind, MeasureAt, OptionItem, QuadratureRule},
     script::{
-        Expect, FieldKind, Mapping, Measure, MeshStmt, Output, Param, Quadrature, Refinement, Region, Scheme, Solver,
-        Split, Start, StartKind, Steps, Term, is_auto,
+        Balance, Expect, FieldKind, Mapping, Measure, MeshStmt, Output, Param, Quadrature, Refinement, Region, Scheme,
+        Solver, Split, Start, StartKind, Steps, Term, is_auto,
     },
     source::Span,
 };
@@ -32,7 +32,9 @@ impl<'d> Resolver<'d> {
             K::Steps { .. } | K::Scheme { .. } | K::Solver { .. } | K::Quadrature { .. } => {
                 self.request(kind, item.span)
             }
-            K::Measure { .. } | K::Event { .. } | K::Expect(_) | K::Output { .. } => self.request(kind, item.span),
+            K::Measure { .. } | K::Balance { .. } | K::Event { .. } | K::Expect(_) | K::Output { .. } => {
+                self.request(kind, item.span)
+            }
         }
     }
 
@@ -188,6 +190,10 @@ impl<'d> Resolver<'d> {
                 let expr = self.expr(expr)?;
                 let (name, reduction) = (name.clone(), *reduction);
                 self.script.measures.push(Measure { name, reduction, expr, places: places?, at, span });
+            }
+            ItemKind::Balance { name, fields } => {
+                self.all_fields(fields, "only unknowns have equations to be added up", |k| k == Kind::Unknown)?;
+                self.script.balances.push(Balance { name: name.clone(), fields: fields.clone(), span });
             }
             ItemKind::Event { name, condition, places } => {
                 let event = self.event(name, condition, places, span)?;

@@ -70,7 +70,7 @@ impl Resolver<'_> {
         }
         if let Some(place) = places.first().filter(|_| !found) {
             let d = Diagnostic::new("E445", format!("`{}` has a region and nothing that is taken on it", owner.name));
-            self.diagnostics.push(d.at(place.span, "").help("max(V), min(V), mean(V) or integral(V)"));
+            self.diagnostics.push(d.at(place.span, "").help("max(V), min(V), mean(V), integral(V) or reaction(u(1))"));
         }
     }
 }
@@ -82,6 +82,7 @@ fn reduction(word: &str) -> Option<Reduction> {
         "min" => Reduction::Min,
         "mean" => Reduction::Mean,
         "integral" => Reduction::Integral,
+        "reaction" => Reduction::Reaction,
         _ => return None,
     })
 }

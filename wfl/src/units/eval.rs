@@ -356,6 +356,7 @@ impl<'s> Pass<'s> {
                 _ => Value::lost(),
             },
             Rule::Gradient(order) => value(self, first).scaled(&self.length(), -order),
+            Rule::Rate => value(self, first).scaled(&self.time(), -1),
             Rule::Filter => value(self, second),
             Rule::Law => self.law(name, e, given),
             Rule::StressAndGradient => {

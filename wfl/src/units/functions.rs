@@ -31,6 +31,8 @@ pub(super) enum Rule {
     Pow,
     /// Over a power of the unit of coordinates.
     Gradient(i64),
+    /// Over the unit of the step variable.
+    Rate,
     /// `Diff(e, u, d)`
     Diff,
     /// `Interpolate_filter(m, e, i)`

@@ -89,7 +89,7 @@ impl<'s> Pass<'s> {
         let Some(steps) = &script.steps else { return };
         for measure in &steps.watched {
             let value = match measure.reduction {
-                Reduction::Integral => Value::lost(),
+                Reduction::Integral | Reduction::Reaction | Reduction::Balance(_) => Value::lost(),
                 _ => self.expr(&measure.expr),
             };
             self.units.entry(&measure.name.name).or_insert(value);
@@ -284,6 +284,8 @@ impl<'s> Pass<'s> {
             let size = match measure.reduction {
                 Reduction::Integral => measure.places.first().and_then(|p| self.size_of(p)),
                 Reduction::Mean | Reduction::Max | Reduction::Min | Reduction::Value => Some(Unit::pure()),
+                // that of the equations of the field, which the terms have together
+                Reduction::Reaction | Reduction::Balance(_) => None,
             };
             let value = value.map(|u| size.as_ref().and_then(|s| s.times(u)));
             self.units.entry(&measure.name.name).or_insert(value);

@@ -27,8 +27,10 @@ pub struct Basis {
     pub n_components: usize,
     /// Nodes in an entity.
     pub n_nodes: usize,
-    /// Values and reference derivatives at the points.
+    /// Values and reference derivatives at the points, those of a field on facets in the parameters of the facet.
     pub table: Table,
+    /// Of a field on facets: derivatives of the reference point of the cell in those parameters.
+    pub tangents: Option<[[f64; 3]; 2]>,
     /// Highest derivative that a slot reads.
     pub order: usize,
     /// Node numbers: `nodes[entity * n_nodes + i]`.
@@ -306,7 +308,8 @@ impl GroupBinding {
             values.extend(at_points.flat_map(|row| basis.support.iter().map(|i| Lanes([row[usize::from(*i)]; LANES]))));
             let side = group.there.as_ref().filter(|_| basis.side == Side::There).unwrap_or(&group.here);
             basis.starts.constant_gradients = side.is_affine() && basis.order == 1 && {
-                let mut rows = table.gradients.chunks_exact(table.n_dofs * table.dim);
+                // at a point, the facet of a line, there is none at all
+                let mut rows = table.gradients.chunks_exact((table.n_dofs * table.dim).max(1));
                 let first = rows.next();
                 rows.all(|row| Some(row) == first)
             };
@@ -350,6 +353,7 @@ fn basis(
         n_components: field.n_components,
         n_nodes,
         table: tabulated.table,
+        tangents: tabulated.tangents,
         order,
         nodes: tabulated.nodes,
         offset,

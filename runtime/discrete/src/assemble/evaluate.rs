@@ -283,6 +283,10 @@ impl Points<'_> {
             let first = basis.operand(FieldOp::Grad, 0, false);
             let stride = basis.operand(FieldOp::Grad, 1, false).start - first.start;
             let from = first.start + q * first.step;
+            if let Some(tangents) = &basis.tangents {
+                geometry.surface_gradients(D, tangents, &basis.table, q, &mut w.derivatives[from..], stride);
+                continue;
+            }
             geometry.gradients::<S, D>(simd, &basis.table, q, &mut w.derivatives[from..], stride);
             if *order > 1 {
                 let hessians = basis.operand(FieldOp::Hess, 0, false);

@@ -250,6 +250,32 @@ impl PointGeometry {
         }
     }
 
+    /// Gradients along a facet of basis functions in its parameters s: grad p = T (T'T)^-1 dp/ds with T = dx/ds, which is
+    /// exact on curved facets, too. Derivative `i` of function `k` is written to `out[i * stride + k]`.
+    pub(super) fn surface_gradients(
+        &self,
+        dim: usize,
+        tangents: &[[f64; 3]; 2],
+        table: &Table,
+        q: usize,
+        out: &mut [Lanes],
+        stride: usize,
+    ) {
+        let images = self.images(dim, tangents);
+        let dual = if dim == 3 { dual_of_two(&images) } else { [dual_of_one(&images[0]), [ZERO; 3]] };
+        let (n, along) = (table.n_dofs, table.dim);
+        for k in 0..n {
+            let slopes = &table.gradients[(q * n + k) * along..][..along];
+            for i in 0..dim {
+                let mut sum = ZERO;
+                for (slope, direction) in slopes.iter().zip(&dual) {
+                    add_scaled(&mut sum, *slope, &direction[i]);
+                }
+                out[i * stride + k] = sum;
+            }
+        }
+    }
+
     /// Physical second derivatives at point `q`: of function `k` in directions `i, j` to
     /// `out[(i + dim * j) * stride + k]`. With G the physical gradients (`gradients[i * stride + k]`) and x the map,
     /// H = inverse' (H_ref - sum_k G_k d2 x_k) inverse.
@@ -304,6 +330,33 @@ impl PointGeometry {
             }
         }
     }
+}
+
+/// The vector b along a tangent a with a.b = 1; zero for the facet of a line, which is a point.
+fn dual_of_one(a: &[Lanes; 3]) -> [Lanes; 3] {
+    let mut out = [ZERO; 3];
+    for l in 0..LANES {
+        let square: f64 = a.iter().map(|c| c[l] * c[l]).sum();
+        if square > 0.0 {
+            (0..3).for_each(|i| out[i][l] = a[i][l] / square);
+        }
+    }
+    out
+}
+
+/// The vectors of the plane of two tangents whose products with them are one and zero.
+fn dual_of_two([a, b]: &[[Lanes; 3]; 2]) -> [[Lanes; 3]; 2] {
+    let mut out = [[ZERO; 3]; 2];
+    for l in 0..LANES {
+        let dot = |u: &[Lanes; 3], v: &[Lanes; 3]| -> f64 { (0..3).map(|i| u[i][l] * v[i][l]).sum() };
+        let (aa, ab, bb) = (dot(a, a), dot(a, b), dot(b, b));
+        let determinant = aa * bb - ab * ab;
+        for i in 0..3 {
+            out[0][i][l] = (bb * a[i][l] - ab * b[i][l]) / determinant;
+            out[1][i][l] = (aa * b[i][l] - ab * a[i][l]) / determinant;
+        }
+    }
+    out
 }
 
 /// Length of a short vector, safe for very large and very small meshes.

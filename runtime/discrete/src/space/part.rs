@@ -78,6 +78,7 @@ impl Space {
         space.coordinates = vec![[0.0; 3]; numbers.len()];
         space.index_positions(mesh);
         space.find_entities(mesh, topology);
+        space.see_from_behind(mesh, topology);
         space.torn_ids = torn.iter().map(|facet| topology.facet_id(*facet)).collect();
         (space.torn, space.of_whole) = (torn, Some(OfWhole { numbers, n_nodes }));
         Ok(space)

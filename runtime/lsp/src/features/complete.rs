@@ -40,7 +40,7 @@ const SPACES: &[&str] =
 /// What a region is made of.
 const ENTITIES: &[&str] = &["cells where", "faces where", "nodes where", "interface from", "interface along"];
 
-const REDUCTIONS: &[&str] = &["mean", "max", "min", "integral", "value"];
+const REDUCTIONS: &[&str] = &["mean", "max", "min", "integral", "value", "reaction"];
 
 const SHAPES: &[&str] = &["quad", "tri", "hex", "tet", "segment", "map"];
 

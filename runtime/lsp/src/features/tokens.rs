@@ -46,7 +46,7 @@ pub(crate) fn modifiers() -> Vec<SemanticTokenModifier> {
 const WORDS_OF_STATEMENTS: &[&str] = &[
     "box", "file", "size", "map", "hex", "tet", "quad", "tri", "segment", "scalar", "vector", "matrix", "project",
     "raytrace", "point", "across", "towards", "times", "every", "when", "vertex", "mean", "max", "min", "integral",
-    "value", "at", "newton", "linear", "vtk", "csv", "wfl",
+    "value", "reaction", "at", "newton", "linear", "vtk", "csv", "wfl",
 ];
 
 /// A word with its kind.

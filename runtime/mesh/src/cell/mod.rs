@@ -72,6 +72,22 @@ impl FacetMap {
             self.origin[i] + parameters[0] * self.tangents[0][i] + parameters[1] * self.tangents[1][i]
         })
     }
+
+    /// The parameters of a reference point on the facet, by T (T'T)^-1 of the tangents.
+    #[must_use]
+    pub fn parameters(&self, point: [f64; 3]) -> [f64; 3] {
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let [a, b] = self.tangents;
+        let from = std::array::from_fn(|i| point[i] - self.origin[i]);
+        let (aa, ab, bb) = (dot(a, a), dot(a, b), dot(b, b));
+        let (of_a, of_b) = (dot(a, from), dot(b, from));
+        let determinant = aa * bb - ab * ab;
+        if determinant > 0.0 {
+            return [(bb * of_a - ab * of_b) / determinant, (aa * of_b - ab * of_a) / determinant, 0.0];
+        }
+        // a line has one tangent, a point none
+        if aa > 0.0 { [of_a / aa, 0.0, 0.0] } else { [0.0; 3] }
+    }
 }
 
 static SHAPES: [&Shape; 8] = [
@@ -360,6 +376,7 @@ mod tests {
                 let map = kind.facet_map(local);
                 for (vertex, parameters) in facet.vertices.iter().zip(facet.kind.vertices()) {
                     assert_eq!(map.apply(*parameters), kind.vertices()[*vertex]);
+                    assert_eq!(map.parameters(kind.vertices()[*vertex]), *parameters, "{kind} facet {local}");
                 }
             }
         }

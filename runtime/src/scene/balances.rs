@@ -1,0 +1,168 @@
+//! `balance water of p, pf`: what the equations of scalar unknowns add up to.
+//!
+//! Each equation is multiplied by one and all are added. Terms with the gradient of the test function drop out and exchange
+//! between the unknowns cancels; what is left is what each term takes up, what loads and prescribed values bring (in) or
+//! take (out), and what the equations leave (lost). in - out - sum of the terms = lost, where a statement counts as in or
+//! out by the sign of its sum. Promises: the equations are those that were solved, as they are written.
+
+use std::collections::BTreeMap;
+
+use wfl::{Diagnostic, ast::BalancePart};
+use wfl_compiler::types::FieldKind;
+
+use super::{
+    Builder, Energy, Scene,
+    reactions::{Held, Measured},
+};
+
+/// Of what moved this part may be lost: Newton's tolerance leaves less.
+const LOST: f64 = 1e-8;
+
+/// The equations of a balance.
+#[derive(Clone, Debug)]
+struct Equations {
+    /// The fields by their positions.
+    fields: Vec<usize>,
+    /// The terms that have a number of their own.
+    terms: Vec<String>,
+    /// By statement the dofs that it prescribes.
+    held: Vec<Vec<usize>>,
+}
+
+/// What they add up to.
+#[derive(Debug, Default)]
+struct Sums {
+    brought: f64,
+    taken: f64,
+    by_term: Vec<f64>,
+}
+
+/// One number of a balance.
+#[derive(Clone, Debug)]
+pub(super) struct Balanced {
+    of: Equations,
+    part: BalancePart,
+    /// The term of the number, by its place.
+    term: usize,
+}
+
+impl Balanced {
+    /// Its value at a state, not a number where an equation is none; made by all ranks together.
+    pub(super) fn value(&self, at: &Measured<'_>) -> f64 {
+        let Some(sums) = self.of.sums(at) else { return f64::NAN };
+        match self.part {
+            BalancePart::In => sums.brought,
+            BalancePart::Out => sums.taken,
+            BalancePart::Term => sums.by_term.get(self.term).copied().unwrap_or(0.0),
+            BalancePart::Lost => sums.brought - sums.taken - sums.by_term.iter().sum::<f64>(),
+        }
+    }
+}
+
+impl Sums {
+    /// What a statement brings, or takes where it is negative.
+    fn bring(&mut self, amount: f64) {
+        if amount >= 0.0 {
+            self.brought += amount;
+        } else {
+            self.taken -= amount;
+        }
+    }
+}
+
+impl Equations {
+    /// The sums at a state; `None` where a number is not finite.
+    fn sums(&self, at: &Measured<'_>) -> Option<Sums> {
+        let system = at.system;
+        let mut sums = Sums { by_term: vec![0.0; self.terms.len()], ..Sums::default() };
+        for (term, by_field) in system.terms.iter().zip(at.sums()?) {
+            let sum: f64 = self.fields.iter().map(|field| by_field[*field]).sum();
+            match self.terms.iter().position(|name| Energy::is_of(name, &term.law.name)) {
+                Some(place) => sums.by_term[place] += sum,
+                None => sums.bring(-sum),
+            }
+        }
+        let rows = at.rows();
+        if system.team().any(rows.is_none()) {
+            return None;
+        }
+        let left = rows.unwrap_or_default();
+        for dofs in &self.held {
+            sums.bring(system.team().total(dofs.iter().map(|dof| left[*dof]).sum()));
+        }
+        Some(sums)
+    }
+}
+
+impl Builder<'_> {
+    /// One number of a balance; `None` after a message.
+    pub(super) fn balanced(&mut self, measure: &wfl::Measure, part: BalancePart, held: Held<'_>) -> Option<Balanced> {
+        let balance = self.script.balances.iter().find(|b| b.span == measure.span)?;
+        let first = part == BalancePart::In;
+        let (mut fields, mut ranges) = (Vec::new(), Vec::new());
+        for name in &balance.fields {
+            let position = self.fields.iter().position(|f| f.name == name.name)?;
+            let field = &self.fields[position];
+            if field.n_components != 1 || field.kind != FieldKind::Unknown {
+                if first {
+                    let d =
+                        Diagnostic::new("E462", format!("`{}` is no scalar: its equations have no sum", field.name));
+                    let d =
+                        d.help(format!("the force that is carried: measure f = reaction({}(1)) on ...", field.name));
+                    self.diagnostics.push(d.at(name.span, "a balance is one of scalar unknowns"));
+                }
+                return None;
+            }
+            let start = held.numbering.starts[position]?;
+            fields.push(position);
+            ranges.push(start..start + field.n_dofs());
+        }
+        if first {
+            self.has_reactions(&measure.expr, held.integration)?;
+        }
+        let mut by_statement: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (dof, statement) in held.prescribed.statements() {
+            if ranges.iter().any(|range| range.contains(&dof)) {
+                by_statement.entry(statement).or_default().push(dof);
+            }
+        }
+        let terms = self.script.terms_of(&balance.fields);
+        let end = measure.name.name.strip_prefix(&balance.name.name)?.strip_prefix('_')?;
+        let term = terms.iter().position(|term| term == end).unwrap_or_default();
+        // a rank without a node of a statement takes part in the sum of it
+        let held = (0..held.prescribed.n_statements()).map(|k| by_statement.remove(&k).unwrap_or_default()).collect();
+        Some(Balanced { of: Equations { fields, terms, held }, part, term })
+    }
+}
+
+/// W650: the step with the largest part that is lost of what moved, where that is more than Newton leaves; steps by the step
+/// variable and their measures.
+pub(crate) fn unbalanced<'s>(
+    scene: &Scene,
+    steps: impl Iterator<Item = (f64, &'s [(String, f64)])> + Clone,
+) -> Vec<Diagnostic> {
+    let told = |name: &String| {
+        let worst = steps.clone().map(|(time, measures)| {
+            let of = |m: &&(String, f64)| m.0.strip_prefix(name.as_str()).is_some_and(|end| end.starts_with('_'));
+            let is_lost = |m: &&(String, f64)| m.0.strip_prefix(name.as_str()) == Some("_lost");
+            let own = || measures.iter().filter(of);
+            let moved = own().filter(|m| !is_lost(m)).fold(0.0f64, |most, m| most.max(m.1.abs()));
+            let lost = own().find(is_lost).map_or(0.0, |m| m.1);
+            (time, lost, moved)
+        });
+        let (time, lost, moved) = worst.max_by(|a, b| part(a.1, a.2).total_cmp(&part(b.1, b.2)))?;
+        (part(lost, moved) > LOST).then(|| {
+            let text = format!(
+                "at t = {time} the balance `{name}` loses {lost:.3e}, {:.1e} of what moves",
+                part(lost, moved)
+            );
+            let why = "the step has not converged to that, or points of a mapping have no image";
+            Diagnostic::new("W650", text).note(why)
+        })
+    };
+    scene.balances.iter().filter_map(told).collect()
+}
+
+fn part(lost: f64, moved: f64) -> f64 {
+    if lost == 0.0 { 0.0 } else { lost.abs() / moved }
+}

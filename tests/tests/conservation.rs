@@ -1,0 +1,186 @@
+//! What comes in, goes out, is stored and lost: `balance`, `Rate(e)`, and the regions where faces end and meet.
+
+use std::path::Path;
+
+use wfl_runtime::Outcome;
+use wfl_tests::{
+    Solved,
+    ranks::{self, Holding, Shared},
+    solve,
+};
+
+fn solved(text: &str) -> Solved {
+    let found = solve(Path::new("."), text.to_owned(), &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(found.outcome.converged());
+    found
+}
+
+fn refused(text: &str) -> String {
+    match solve(Path::new("."), text.to_owned(), &[], &[]) {
+        Ok(_) => panic!("solved:\n{text}"),
+        Err(told) => told,
+    }
+}
+
+/// A column that rests on a stiff floor and is lifted by the fluid below it: the aperture has its kink where it lifts off,
+/// in the middle of a step.
+const LIFTED: &str = "use \"poro\"\nmesh box [0,0] to [1,1] cells [2,4] quad\nregion floor = faces where y == 0\n\
+    region top = faces where y == 1\nunknown u : vector\nunknown pf : scalar on floor\nparam w0 = 1e-3\n\
+    def w = w0 + pos_part(u(2))\nterm elastic on all : 100*Sym(Grad_u):Grad_Test_u\n\
+    term fluid on floor : -pf*Test_u(2)\nterm base on floor : -1e5*pos_part(-u(2))*Test_u(2)\n\
+    term volume on floor : RATE*Test_pf\nterm leak on floor : 0.01*pf*Test_pf\nload u = [0,-1] on top\n\
+    region side = faces where x == 0\nfix u(1) = 0 on side\nload pf = if t > 1.5 then 0.7 else 0 on floor\nsteps t = 0 to 3 by 1\n\
+    term spring on top : 50*u(2)*Test_u(2)\nbalance water of pf\nmeasure volume = integral(w) on floor\n\
+    measure past = integral(w0 + pos_part(Previous_u(2))) on floor\n";
+
+#[test]
+fn the_volume_of_an_aperture_with_a_kink_is_conserved() {
+    let found = solved(&LIFTED.replace("RATE", "Rate(w)"));
+    for step in 1..found.outcome.steps.len() {
+        let [volume, past, of_volume] = ["volume", "past", "water_volume"].map(|m| found.measure(step, m));
+        assert!((volume - past - of_volume).abs() < 1e-13, "{step}: {volume} {past} {of_volume}");
+        let [comes, goes, leaks, lost] =
+            ["water_in", "water_out", "water_leak", "water_lost"].map(|m| found.measure(step, m));
+        let source = if step == 1 { 0.0 } else { 0.7 };
+        assert!((comes - source).abs() < 1e-14 && goes.abs() < 1e-14, "{step}: {comes} {goes}");
+        assert!((comes - goes - of_volume - leaks - lost).abs() < 1e-15 && lost.abs() < 1e-10, "{step}: {lost}");
+    }
+    // the rate by the chain rule is another volume in the step that lifts the column
+    let found = solved(&LIFTED.replace("RATE", "(if u(2) > 0 then Dot_u(2) else 0)"));
+    let missed = (1..found.outcome.steps.len()).map(|step| {
+        let [volume, past, of_volume] = ["volume", "past", "water_volume"].map(|m| found.measure(step, m));
+        (volume - past - of_volume).abs()
+    });
+    assert!(missed.fold(0.0f64, f64::max) > 1e-6);
+}
+
+#[test]
+fn a_rate_over_one_step_needs_a_scheme_of_one_step() {
+    let text = LIFTED.replace("RATE", "Rate(w)");
+    for (scheme, says) in [("scheme bdf2", "bdf2"), ("scheme newmark", "newmark")] {
+        let told = refused(&format!("{text}{scheme}\n"));
+        assert!(told.contains("E461") && told.contains(says), "{told}");
+    }
+    let told = refused(&text.replace("by 1\n", "by auto\n"));
+    assert!(told.contains("E461") && told.contains("scheme backward_euler"), "{told}");
+    for inner in ["Dot_pf", "Previous_pf", "timestep*pf", "Rate(pf)"] {
+        let told = refused(&LIFTED.replace("RATE", &format!("Rate({inner})")));
+        assert!(told.contains("E461") && told.contains("one step earlier"), "{inner}: {told}");
+    }
+    // data and the step variable have a past
+    let found = solved(
+        "mesh box [0] to [1] cells [4] segment\nregion left = faces where x == 0\nunknown p : scalar\n\
+         term storage on all : Rate((1 + t)*p)*Test_p\nterm flow on all : Grad_p.Grad_Test_p\nload p = 1 on all\n\
+         fix p = 0 on left\nsteps t = 0 to 1 by 0.25\nbalance water of p\nmeasure now = integral((1 + t)*p) on all\n\
+         measure past = integral((0.75 + t)*Previous_p) on all\n",
+    );
+    for step in 1..found.outcome.steps.len() {
+        let [now, past, stored] = ["now", "past", "water_storage"].map(|m| found.measure(step, m));
+        assert!(((now - past) / 0.25 - stored).abs() < 1e-12, "{step}");
+    }
+}
+
+/// Exchange between two pressures cancels in the balance of both and not in that of one.
+#[test]
+fn exchange_cancels_in_the_balance_of_both() {
+    let found = solved(
+        "mesh box [0,0] to [1,1] cells [4,4] tri\nregion floor = faces where y == 0\nregion top = faces where y == 1\n\
+         region west = faces where x == 0\nunknown p : scalar P2\nunknown pf : scalar P2 on floor\n\
+         term rock on all : Grad_p.Grad_Test_p\nterm flow on floor : 5*Grad_pf.Grad_Test_pf\n\
+         term exchange on floor : 3*(pf - p)*(Test_pf - Test_p)\nload pf = 1 + x on floor\nload p = -0.25 on west\n\
+         fix p = 0 on top\nbalance water of p, pf\nbalance fluid of pf\nmeasure leak = integral(3*(pf - p)) on floor\n\
+         measure top = reaction(p) on top\n",
+    );
+    let of = |name: &str| found.measure(0, name);
+    for (name, should) in [
+        ("water_in", 1.5),
+        ("water_out", 1.5),
+        ("water_exchange", 0.0),
+        ("water_rock", 0.0),
+        ("fluid_exchange", 1.5),
+        ("leak", 1.5),
+        ("top", 1.25),
+        ("fluid_lost", 0.0),
+    ] {
+        assert!((of(name) - should).abs() < 1e-12, "{name}: {}, {should}", of(name));
+    }
+}
+
+#[test]
+fn faces_end_at_their_rim_and_meet_at_their_crossings() {
+    let scene = |mesh: &str, regions: &str, faces: &str, lines: &str| {
+        format!("mesh {mesh}\n{regions}\nunknown p : scalar on {faces}\n{lines}\n")
+    };
+    let cross = "region below = cells where y < 0\nregion left = cells where x < 0\n\
+        region first = faces of below where y == 0\nregion second = faces of left where x == 0 and y < 0.6\n\
+        region both = first + second";
+    let of_cross = |lines: &str| scene("box [-1,-1] to [1,1] cells [4,4] quad", cross, "both", lines);
+    // a harmonic pressure on a cross: given at its four ends, the mean of them where it crosses
+    let found = solved(&of_cross(
+        "region ends = rim of both\nregion joint = crossings of both\nterm flow on both : Grad_p.Grad_Test_p\n\
+         fix p = 1 + x + 2*y on ends\nmeasure joint = value(p) at [0,0]\nmeasure out = reaction(p) on ends\n\
+         measure east = reaction(p) on rim_east\nregion rim_east = rim of both where x > 0.9",
+    ));
+    // legs of length 1, 1, 1 and 0.5, with 2, 0, -1 and 2 at their ends
+    let joint = (2.0 + 0.0 - 1.0 + 2.0 * 2.0) / 5.0;
+    assert!((found.measure(0, "joint") - joint).abs() < 1e-12, "{}", found.measure(0, "joint"));
+    assert!(found.measure(0, "out").abs() < 1e-12 && (found.measure(0, "east") - (joint - 2.0)).abs() < 1e-12);
+    let found = solved(&of_cross(
+        "region joint = crossings of both\nterm flow on both : Grad_p.Grad_Test_p + p*Test_p\nfix p = 3 on joint\n\
+         measure joint = value(p) at [0,0]\nregion inner = nodes of first where abs(x) < 0.6\nload p = 1 on inner",
+    ));
+    assert!((found.measure(0, "joint") - 3.0).abs() < 1e-14);
+    // a square sheet in space: its rim is all of its boundary
+    let sheet = "region below = cells where z < 0\nregion sheet = faces of below where z == 0";
+    let found = solved(&scene(
+        "box [0,0,-1] to [1,1,1] cells [4,4,2] hex",
+        sheet,
+        "sheet",
+        "region edge = rim of sheet\nterm flow on sheet : Grad_p.Grad_Test_p\nfix p = x + 2*y on edge\n\
+         measure error = max(abs(p - x - 2*y)) on sheet",
+    ));
+    assert!(found.measure(0, "error") < 1e-13);
+    let mesh = "box [0,0,-1] to [1,1,1] cells [4,4,2] hex";
+    for (lines, says) in [
+        (
+            "region edge = crossings of sheet\nterm flow on sheet : p*Test_p\nfix p = 1 on edge",
+            "no edge with three faces",
+        ),
+        ("region edge = interior of sheet\nterm flow on edge : p*Test_p", "jumps between faces of a surface"),
+        ("region edge = rim of below\nterm flow on sheet : p*Test_p\nfix p = 1 on edge", "faces are needed"),
+        ("region edge = rim of sheet\nterm flow on sheet : p*Test_p\nload p = 1 on edge", "per length"),
+        ("region edge = rim of sheet\nterm flow on edge : p*Test_p", "nothing can be integrated"),
+    ] {
+        let told = refused(&scene(mesh, sheet, "sheet", lines));
+        assert!(told.contains(says), "{lines}: {told}");
+    }
+    let told = refused(
+        &scene(mesh, sheet, "sheet", "region edge = rim of sheet\nterm flow on sheet : p*Test_p\nfix p = 1 on edge")
+            .replace("scalar on", "scalar Q2 on"),
+    );
+    assert!(told.contains("inside the edges"), "{told}");
+}
+
+/// A fracture with leak-off whose nodes, wells and rims lie on several ranks: the numbers of one rank.
+#[test]
+fn ranks_have_the_reactions_and_balances_of_one() {
+    let text = "mesh box [-2,-2] to [2,2] cells [12,12] tri\nregion below = cells where y < 0\n\
+        region above = cells where y > 0\nregion crack = interface from below to above & faces of below where y == 0 and abs(x) < 1.1\n\
+        region well = nodes of crack where x == 0\nregion tips = rim of crack where x > 0\nunknown p : scalar P2\n\
+        unknown pf : scalar P2 on crack\nsplit p across crack\nterm rock on all : Grad_p.Grad_Test_p\n\
+        term flow on crack : 10*Grad_pf.Grad_Test_pf\nterm here on crack : 5*(pf - p)*(Test_pf - Test_p)\n\
+        def other(v) = Interpolate(v, neighbor_element)\n\
+        term there on crack : 0.5*(pf - other(p))*(Test_pf - other(Test_p))\nfix p = 0 on boundary\nfix pf = 0.1 on tips\n\
+        load pf = 1 on well\nbalance water of p, pf\nmeasure out = reaction(p) on boundary\n\
+        measure tip = reaction(pf) on tips\nmeasure slope = integral(Norm(Grad_pf)) on crack\n";
+    let shared = Shared::text(Path::new("."), text.to_owned(), &[]);
+    let measures = |outcome: &Outcome| outcome.steps[0].measures.clone();
+    let alone = measures(&ranks::solved(shared.whole()));
+    for holding in [Holding::Whole, Holding::Parts] {
+        for of_rank in shared.on_ranks(3, holding, |scene| measures(&ranks::solved(scene))) {
+            for ((name, is), (_, should)) in of_rank.iter().zip(&alone) {
+                assert!((is - should).abs() < 1e-11, "{holding:?} {name}: {is}, {should}");
+            }
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! `reaction(u(1)) on r`: what prescribed values carry is what loads bring, in every kind of step.
+
+use std::path::Path;
+
+use wfl_tests::{Solved, solve};
+
+/// Forces balance to this part of the load.
+const EXACT: f64 = 1e-12;
+
+fn solved(text: &str) -> Solved {
+    let found = solve(Path::new("."), text.to_owned(), &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(found.outcome.converged());
+    found
+}
+
+fn refused(text: &str) -> String {
+    match solve(Path::new("."), text.to_owned(), &[], &[]) {
+        Ok(_) => panic!("solved:\n{text}"),
+        Err(told) => told,
+    }
+}
+
+fn are(found: &Solved, step: usize, list: &[(&str, f64)], scale: f64) {
+    for (name, should) in list {
+        let is = found.measure(step, name);
+        assert!((is - should).abs() < EXACT * scale, "{name}: {is}, {should}");
+    }
+}
+
+const BLOCK: &str = "mesh box [0,0] to [2,1] cells [8,4] quad\nregion west = faces where x == 0\n\
+    region east = faces where x == 2\nunknown u : vector Q2\n\
+    term elastic on all : 70*Trace(Grad_u)*Div_Test_u + 120*Sym(Grad_u):Grad_Test_u\nfix u = [0,0] on west\n";
+
+#[test]
+fn a_support_carries_the_load_and_its_moment() {
+    let found = solved(&format!(
+        "{BLOCK}load u = [3,-2] on east\nparam d = [0.6,0.8]\n\
+         measure pull = reaction(u(1)) on west\nmeasure down = reaction(u.[0,1]) on west\n\
+         measure slanted = reaction(u.d) on west\nmeasure less = reaction(-2*u(1)) on west\n\
+         measure moment = reaction(x*u(2) - y*u(1)) on west\n"
+    ));
+    // the load acts at x = 2 and on average at y = 1/2
+    let list = [("pull", 3.0), ("down", -2.0), ("slanted", 0.2), ("less", -6.0), ("moment", -5.5)];
+    are(&found, 0, &list, 10.0);
+}
+
+/// Supports that no axis fits: the equations of their nodes are turned.
+#[test]
+fn inclined_supports_carry_what_acts_along_their_normals() {
+    let map = "[0.8*x - 0.6*y, 0.6*x + 0.8*y]";
+    let found = solved(&format!(
+        "mesh box [0,0] to [2,1] cells [8,4] quad map {map}\nregion floor = faces where 0.8*y - 0.6*x == 0\n\
+         region wall = faces where 0.8*x + 0.6*y == 0\nregion ceiling = faces where 0.8*y - 0.6*x == 1\n\
+         unknown u : vector Q2\nterm elastic on all : 70*Trace(Grad_u)*Div_Test_u + 120*Sym(Grad_u):Grad_Test_u\n\
+         fix u.Normal = 0 on floor, wall\nload u = [-3,-1] on ceiling\n\
+         measure pull = reaction(u(1)) on floor, wall\nmeasure up = reaction(u(2)) on floor, wall\n\
+         measure of_floor = reaction(u.[-0.6,0.8]) on floor\n"
+    ));
+    // the load of the ceiling across the floor: (-3, -1).(-0.6, 0.8) on a length of 2
+    are(&found, 0, &[("pull", -6.0), ("up", -2.0), ("of_floor", 2.0)], 10.0);
+}
+
+/// What is pressed into a rough floor is carried by the grip; the curve of force over displacement has its corner where
+/// all slides.
+#[test]
+fn a_grip_carries_friction_in_every_step() {
+    let found = solved(
+        "mesh box [0,0] to [2,1] cells [8,4] quad\nregion floor = faces where y == 0\nregion top = faces where y == 1\n\
+         unknown u : vector\nparam gamma = 1e4\n\
+         def force = pos_part(-gamma*u(2))*[0,-1] + Ball_projection(gamma*[u(1),0], 0.3*pos_part(-gamma*u(2)))\n\
+         term elastic on all : 700*Trace(Grad_u)*Div_Test_u + 1200*Sym(Grad_u):Grad_Test_u\n\
+         term contact on floor : force.Test_u\nfix u(2) = -0.01 on top\nfix u(1) = t on top\n\
+         steps t = 0 to 0.02 by 0.005\nmeasure down = reaction(u(2)) on top\nmeasure pull = reaction(u(1)) on top\n\
+         measure pressed = integral(force(2)) on floor\nmeasure held = integral(force(1)) on floor\n\
+         event slides = abs(reaction(u(1))) on top > 0.29*5\n",
+    );
+    for step in 0..found.outcome.steps.len() {
+        let [down, pressed] = ["down", "pressed"].map(|m| found.measure(step, m));
+        let [along, held] = ["pull", "held"].map(|m| found.measure(step, m));
+        // Newton leaves 1e-10 of the forces in the free equations
+        assert!((down + pressed).abs() < 1e-8 * pressed.abs(), "{step}: {down} {pressed}");
+        assert!((along + held).abs() < 1e-8 * pressed.abs(), "{step}: {along} {held}");
+    }
+    let last = found.outcome.steps.len() - 1;
+    let [down, along] = ["down", "pull"].map(|m| found.measure(last, m));
+    assert!((along.abs() / down.abs() - 0.3).abs() < 1e-9, "{along} {down}");
+}
+
+/// Rates, the past and states are those of the step.
+#[test]
+fn rates_and_states_of_the_step_are_in_its_reactions() {
+    let found = solved(
+        "mesh box [0] to [1] cells [10] segment\nregion left = faces where x == 0\nregion right = faces where x == 1\n\
+         unknown p : scalar\nstate s : scalar on all := Previous_s + timestep*p\n\
+         term storage on all : (2*Dot_p + Previous_s)*Test_p + 3*Grad_p.Grad_Test_p\nfix p = 0 on left\n\
+         load p = 5 on right\nsteps t = 0 to 1 by 0.1\n\
+         measure out = reaction(p) on left\nmeasure stored = integral(2*(p - Previous_p)/0.1 + Previous_s) on all\n",
+    );
+    for step in 1..found.outcome.steps.len() {
+        let [out, stored] = ["out", "stored"].map(|m| found.measure(step, m));
+        assert!((out + stored - 5.0).abs() < 1e-11, "{step}: {out} {stored}");
+    }
+}
+
+#[test]
+fn what_carries_nothing_is_refused() {
+    for (line, says) in [
+        ("measure f = reaction(u(1)) on east", "no value of `u` is prescribed on `east`"),
+        ("measure f = reaction(Norm(u)) on west", "this is not linear in `u`"),
+        ("measure f = reaction(u(1) + 1) on west", "this is not linear in `u`"),
+        ("measure f = reaction(x) on west", "a reaction is that of one unknown"),
+        ("measure f = reaction(u) on west", "one component of the reaction: reaction(u(1))"),
+        ("measure f = reaction(u(1)) at [0,0]", "E113"),
+    ] {
+        let told = refused(&format!("{BLOCK}load u = [3,-2] on east\n{line}\n"));
+        assert!(told.contains(says), "{line}: {told}");
+    }
+    let told = refused(
+        "mesh box [0] to [1] cells [4] segment\nregion left = faces where x == 0\nunknown u : scalar\n\
+         term inertia on all : Dot2_u*Test_u\nterm bar on all : Grad_u.Grad_Test_u\nfix u = 0 on left\nstart u = x\n\
+         scheme explicit\nsteps t = 0 to 1 by auto\nmeasure f = reaction(u) on left\n",
+    );
+    assert!(told.contains("E460") && told.contains("explicit"), "{told}");
+}
