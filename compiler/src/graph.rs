@@ -126,6 +126,12 @@ impl Graph {
         self.global[f.index()]
     }
 
+    /// True if the field is solved for.
+    #[must_use]
+    pub fn is_unknown(&self, f: FieldId) -> bool {
+        self.unknown[f.index()]
+    }
+
     /// True for what is another where the image of a point is another.
     #[must_use]
     pub fn is_at_image(&self, leaf: Leaf) -> bool {

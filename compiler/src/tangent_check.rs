@@ -273,9 +273,7 @@ impl<'l> Checker<'l> {
         let graph = &law.listing.graph;
         let moving: BTreeSet<FieldId> = (0..graph.len())
             .filter_map(|k| match graph.node(ExprId::new(k)) {
-                Node::Leaf(Leaf::Field { field, role: Role::Current, .. }) if graph.depends(ExprId::new(k)).unknown => {
-                    Some(*field)
-                }
+                Node::Leaf(Leaf::Field { field, role: Role::Current, .. }) if graph.is_unknown(*field) => Some(*field),
                 _ => None,
             })
             .collect();

@@ -74,6 +74,12 @@ impl<'l> Chain<'l> {
         self.at.get(&slot).map_or(Dd::ZERO, |k| inputs[*k])
     }
 
+    /// A derivative at the image. One that the law does not read has some value all the same: a tangent that lacks it is
+    /// wrong.
+    fn derivative(&self, inputs: &[Dd], slot: InputSlot, entry: f64) -> Dd {
+        self.at.get(&slot).map_or(Dd::from_f64(0.5 + 0.3 * entry), |k| inputs[*k])
+    }
+
     fn vector(&self, inputs: &[Dd], slot: impl Fn(u8) -> InputSlot) -> Row {
         std::array::from_fn(|k| match u8::try_from(k) {
             Ok(entry) if k < self.dim => self.read(inputs, slot(entry)),
@@ -160,7 +166,7 @@ impl<'l> Chain<'l> {
                 return Dd::ZERO;
             }
             (0..self.dim).fold(Dd::ZERO, |sum, k| match self.derived(slot, k) {
-                Some(next) => sum + self.read(inputs, role(next)) * shift[k],
+                Some(next) => sum + self.derivative(inputs, role(next), f64::from(next.entry)) * shift[k],
                 None => sum,
             })
         };
@@ -174,7 +180,7 @@ impl<'l> Chain<'l> {
                 InputSlot::ImageX(k) => shift[usize::from(k)],
                 InputSlot::Normal(Side::There, i) => (0..self.dim).fold(Dd::ZERO, |sum, j| {
                     let entry = u8::try_from(usize::from(i) + self.dim * j).expect("small tensors");
-                    sum + self.read(inputs, InputSlot::ImageSlope(entry)) * shift[j]
+                    sum + self.derivative(inputs, InputSlot::ImageSlope(entry), f64::from(entry)) * shift[j]
                 }),
                 _ => Dd::ZERO,
             };
@@ -182,15 +188,16 @@ impl<'l> Chain<'l> {
         rates
     }
 
-    /// What the test functions that move bring to the flux of each test slot.
+    /// What the test functions that move bring to the flux of each test slot; to that of the slot itself where the law has no
+    /// slot for it, which is wrong then.
     pub(super) fn moved_tests(&self, tests: &[BasisSlot], fluxes: &[Dd], shift: &Row) -> Vec<Dd> {
         let mut out = vec![Dd::ZERO; tests.len()];
-        for (test, flux) in tests.iter().zip(fluxes).filter(|(t, _)| t.side == Side::There) {
+        let there = |test: &BasisSlot| test.side == Side::There && !self.graph.is_global(test.field);
+        for (own, test) in tests.iter().enumerate().filter(|(_, test)| there(test)) {
             for (k, shift) in shift.iter().enumerate().take(self.dim) {
-                let next = self.derived(*test, k).filter(|_| !self.graph.is_global(test.field));
-                if let Some(at) = next.and_then(|next| tests.iter().position(|t| *t == next)) {
-                    out[at] = out[at] + *flux * *shift;
-                }
+                let next = self.derived(*test, k);
+                let at = next.and_then(|next| tests.iter().position(|t| *t == next)).unwrap_or(own);
+                out[at] = out[at] + fluxes[own] * *shift;
             }
         }
         out

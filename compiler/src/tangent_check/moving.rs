@@ -79,6 +79,7 @@ fn tangents_through_images_that_move_are_exact() {
 #[test]
 fn no_part_of_the_shift_and_of_what_it_moves_can_be_left_out() {
     for part in PARTS {
+        // with all parts the errors are below 1e-11, as the other test says
         let worst = LAWS.iter().map(|text| error(&without(Some(part), || law(text, 3)))).fold(0.0, f64::max);
         assert!(worst > 1e-2, "without {part} the error is {worst}");
     }

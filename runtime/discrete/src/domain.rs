@@ -6,6 +6,7 @@
 
 mod moving;
 mod rays;
+mod shifts;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -13,6 +14,7 @@ use std::{
 };
 
 pub use moving::{Follows, ImageMotion, MovingPoints};
+pub use shifts::ShiftCheck;
 use wfl_compiler::{ir::LANES, types::EntityGeometry};
 
 use crate::{

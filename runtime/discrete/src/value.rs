@@ -180,7 +180,8 @@ impl Value {
         self.at_points(mesh, sampled, values, |_, _| true, f);
     }
 
-    /// Calls `f(weight, value)` at each point of a domain that this rank counts, in order.
+    /// Calls `f(weight, value)` at each point of a domain that this rank counts, in order; where images follow the bodies,
+    /// at those that have one.
     pub fn for_each_counted_point(
         &self,
         mesh: &Mesh,
@@ -188,7 +189,11 @@ impl Value {
         values: FieldValues<'_>,
         mut f: impl FnMut(f64, &[f64]),
     ) {
-        let counts = |g: usize, k: usize| sampled.domain.groups[g].is_counted(mesh, k);
+        let sampled = &sampled.at(mesh, values.current);
+        let counts = |g: usize, k: usize| {
+            let group = &sampled.domain.groups[g];
+            group.is_counted(mesh, k) && !group.has_lost_its_image()
+        };
         self.at_points(mesh, sampled, values, counts, |_, _, _, weight, value| f(weight, value));
     }
 

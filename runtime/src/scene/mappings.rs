@@ -21,7 +21,7 @@ use wfl_compiler::{
 use crate::{
     assemble::{Domain, Follows, MovingPoints},
     field::{Field, FieldSpace},
-    finite::BadGiven,
+    finite::{BadGiven, NotFinite},
     mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet},
     scene::{Parts, constants::number, mesh::position_place},
     space::Support,
@@ -291,42 +291,25 @@ impl Mappings {
             Search::Position(value, formula) => {
                 let homes: Vec<&Field> =
                     through.there.iter().filter_map(|k| fields.get(*k)).filter(|f| !is_global(f)).collect();
-                let cells: Vec<CellId> = mesh.cells().filter(|c| homes.iter().all(|f| f.lives_in_cell(*c))).collect();
-                let finder = CellFinder::new(mesh, &cells);
-                let mut bad = None;
-                let mapped = Domain::mapped(mesh, base, |x, _| match value.at_positions(&[x]) {
-                    Ok(y) => finder.find(mesh, [0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0))),
+                match at_positions(mesh, base, value, &homes) {
+                    Ok(mapped) => mapped,
                     Err(at) => {
-                        bad.get_or_insert(at);
-                        None
+                        let bad = BadGiven { what: format!("the mapping `{}`", name.name), span: *formula, at };
+                        diagnostics.push(bad.diagnostic(&self.expansions, None));
+                        return None;
                     }
-                });
-                if let Some(at) = bad {
-                    let bad =
-                        BadGiven { what: format!("the mapping `{}`", name.name), span: *formula, at: Box::new(at) };
-                    diagnostics.push(bad.diagnostic(&self.expansions, None));
-                    return None;
                 }
-                mapped
             }
             Search::Moving { from, onto, moves, reach } => {
                 if let Some(d) = not_mapped(base, from, name, span) {
                     diagnostics.push(d);
                     return None;
                 }
-                let follows = |field: FieldId| match &fields[field.index()].space {
-                    FieldSpace::Nodal(space) => Some(Follows { field: field.index(), space: space.clone() }),
-                    FieldSpace::Global | FieldSpace::Points(_) => None,
-                };
-                let bodies = follows(moves.here).zip(follows(moves.there)).map(<[Follows; 2]>::from);
-                let points = bodies.and_then(|bodies| MovingPoints::new(mesh, base, onto, bodies, *reach));
-                let Some(points) = points else {
-                    let d = Diagnostic::new("E419", format!("no point has an image under `{}`", name.name));
-                    diagnostics
-                        .push(d.at(span, "").at(name.span, "it leads to no faces, or to cells without a volume"));
-                    return None;
-                };
-                return Some(Arc::new(points).at(mesh, &[]));
+                let made = moving_points(mesh, fields, base, onto, *moves, *reach);
+                if made.is_none() {
+                    diagnostics.push(no_faces(name, span));
+                }
+                return made;
             }
             Search::Facets { raytrace, from, finder, reach } => {
                 if let Some(d) = not_mapped(base, from, name, span) {
@@ -352,6 +335,49 @@ impl Mappings {
         }
         Some(Arc::new(domain))
     }
+}
+
+/// The points of a place with the images that a formula gives, found where these fields live, and how many have none.
+fn at_positions(
+    mesh: &Mesh,
+    base: &Domain,
+    value: &Value,
+    homes: &[&Field],
+) -> Result<(Domain, usize), Box<NotFinite>> {
+    let cells: Vec<CellId> = mesh.cells().filter(|c| homes.iter().all(|f| f.lives_in_cell(*c))).collect();
+    let finder = CellFinder::new(mesh, &cells);
+    let mut bad = None;
+    let mapped = Domain::mapped(mesh, base, |x, _| match value.at_positions(&[x]) {
+        Ok(y) => finder.find(mesh, [0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0))),
+        Err(at) => {
+            bad.get_or_insert(at);
+            None
+        }
+    });
+    bad.map_or(Ok(mapped), |at| Err(Box::new(at)))
+}
+
+/// The points of a place whose images follow two displacements, with those of the bodies at rest.
+fn moving_points(
+    mesh: &Mesh,
+    fields: &[Field],
+    base: &Domain,
+    onto: &[FacetRef],
+    moves: Moves,
+    reach: f64,
+) -> Option<Arc<Domain>> {
+    let follows = |field: FieldId| match &fields[field.index()].space {
+        FieldSpace::Nodal(space) => Some(Follows { field: field.index(), space: space.clone() }),
+        FieldSpace::Global | FieldSpace::Points(_) => None,
+    };
+    let points = MovingPoints::new(mesh, base, onto, [follows(moves.here)?, follows(moves.there)?], reach)?;
+    Some(Arc::new(points).at(mesh, &[]))
+}
+
+/// The message about a mapping that moves without faces to lead to.
+fn no_faces(name: &Ident, span: Span) -> Diagnostic {
+    let d = Diagnostic::new("E419", format!("no point has an image under `{}`", name.name));
+    d.at(span, "").at(name.span, "it leads to no faces, or to cells without a volume")
 }
 
 /// The message about a place with points that a mapping from these faces does not map.

@@ -232,8 +232,8 @@ impl Integrator {
         let (Some(points), Some(of)) = (&self.domain.moving, &self.binding.moving) else { return self.clone() };
         let domain = points.at(mesh, current);
         let last = || of.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = last().as_ref().filter(|known| Arc::ptr_eq(&known.domain, &domain)) {
-            return known.clone();
+        if let Some(made) = last().as_ref().filter(|made| Arc::ptr_eq(&made.domain, &domain)) {
+            return made.clone();
         }
         let slots = LawSlots { inputs: &of.inputs, tests: &of.tests, trials: &of.trials };
         let binding = Binding::fixed(mesh, &domain, &of.fields, slots).expect("fields live behind all faces");

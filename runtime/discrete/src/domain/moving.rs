@@ -44,12 +44,12 @@ pub struct ImageMotion {
 
 /// A point with what its ray is made of.
 #[derive(Clone, Debug)]
-struct Point {
+pub(super) struct Point {
     /// As a group of one entity and one point, without an image.
     group: Group,
     /// The displacement here.
-    table: Table,
-    nodes: Vec<u32>,
+    pub(super) table: Table,
+    pub(super) nodes: Vec<u32>,
     /// Position and outward unit normal in the reference placement, and the inverse of the derivatives of the map.
     x: Vector3<f64>,
     normal: Vector3<f64>,
@@ -69,12 +69,12 @@ struct Known {
 pub struct MovingPoints {
     over: super::Over,
     n_entities: usize,
-    points: Vec<Point>,
-    here: Follows,
-    there: Follows,
-    targets: Targets,
+    pub(super) points: Vec<Point>,
+    pub(super) here: Follows,
+    pub(super) there: Follows,
+    pub(super) targets: Targets,
     /// What stands in for an image that is not found: a point of the first face.
-    spare: Image,
+    pub(super) spare: Image,
     /// How far ahead it is put.
     ahead: f64,
     known: Mutex<Option<Known>>,
@@ -100,7 +100,7 @@ impl MovingPoints {
         for group in &base.groups {
             for k in 0..group.entities.len() {
                 for q in 0..group.n_points() {
-                    points.push(point(mesh, group, (k, q), &here.space)?);
+                    points.push(point(mesh, group, [k, q], &here.space)?);
                 }
             }
         }
@@ -178,7 +178,7 @@ impl MovingPoints {
 }
 
 /// The displacement at the first point of a table.
-fn displacement(dim: usize, table: &Table, nodes: &[u32], u: &[f64]) -> Vector3<f64> {
+pub(super) fn displacement(dim: usize, table: &Table, nodes: &[u32], u: &[f64]) -> Vector3<f64> {
     let mut sum = Vector3::zeros();
     for (node, value) in nodes.iter().zip(&table.values) {
         let own = u.get(*node as usize * dim..(*node as usize + 1) * dim).unwrap_or_default();
@@ -188,7 +188,7 @@ fn displacement(dim: usize, table: &Table, nodes: &[u32], u: &[f64]) -> Vector3<
 }
 
 /// Point `q` of entity `k` of a group on faces.
-fn point(mesh: &Mesh, group: &Group, (k, q): (usize, usize), space: &Space) -> Option<Point> {
+fn point(mesh: &Mesh, group: &Group, [k, q]: [usize; 2], space: &Space) -> Option<Point> {
     let (dim, cell) = (mesh.dim(), group.here.cells[k]);
     let reference = group.here.points[q];
     let mut here = GroupSide::new(mesh, group.here.kind, vec![reference]);
@@ -218,8 +218,8 @@ fn point(mesh: &Mesh, group: &Group, (k, q): (usize, usize), space: &Space) -> O
 }
 
 impl Point {
-    /// The ray from the current position along the current normal; `None` where the cell has no volume.
-    fn ray(&self, dim: usize, u: &[f64]) -> Option<Ray> {
+    /// The gradient of a displacement.
+    pub(super) fn gradient(&self, dim: usize, u: &[f64]) -> Matrix3<f64> {
         let mut gradient = Matrix3::<f64>::zeros();
         for (k, node) in self.nodes.iter().enumerate() {
             let own = u.get(*node as usize * dim..(*node as usize + 1) * dim).unwrap_or_default();
@@ -229,7 +229,12 @@ impl Point {
                 }
             }
         }
-        let f: Matrix3<f64> = Matrix3::identity() + gradient * self.inverse;
+        gradient * self.inverse
+    }
+
+    /// The ray from the current position along the current normal; `None` where the cell has no volume.
+    pub(super) fn ray(&self, dim: usize, u: &[f64]) -> Option<Ray> {
+        let f: Matrix3<f64> = Matrix3::identity() + self.gradient(dim, u);
         let n = f.try_inverse()?.transpose() * self.normal;
         let x = self.x + displacement(dim, &self.table, &self.nodes, u);
         let cell: CellId = self.group.here.cells[0];

@@ -85,6 +85,18 @@ struct Place {
     reference: [Vector3<f64>; 2],
     /// Outward, of any length; `None` where the cell has no volume.
     outward: Option<Vector3<f64>>,
+    /// Derivatives of the reference and of the current position in the cell.
+    jacobians: [Matrix3<f64>; 2],
+}
+
+/// A body at a hit.
+pub(super) struct Body {
+    /// In the current placement.
+    pub(super) y: Vector3<f64>,
+    /// `F = I + Grad u`
+    pub(super) deformation: Matrix3<f64>,
+    /// Out of the current face, of any length.
+    pub(super) outward: Vector3<f64>,
 }
 
 /// How far inside the sides of a reference facet parameters are, the unused ones far.
@@ -196,14 +208,29 @@ impl Targets {
         let kind = mesh.kind(cell);
         let tangents = kind.facet_map(usize::from(target.facet.local)).tangents.map(Vector3::from);
         let normal = Vector3::from(kind.facet_normal(usize::from(target.facet.local)));
-        let mut padded = current;
-        (dim..3).for_each(|k| padded[(k, k)] = 1.0);
+        let jacobians = [reference, current].map(|mut padded| {
+            (dim..3).for_each(|k| padded[(k, k)] = 1.0);
+            padded
+        });
         Place {
             y,
             current: tangents.map(|t| current * t),
             reference: tangents.map(|t| reference * t),
-            outward: padded.try_inverse().map(|inverse| inverse.transpose() * normal),
+            outward: jacobians[1].try_inverse().map(|inverse| inverse.transpose() * normal),
+            jacobians,
         }
+    }
+
+    /// The body at a hit.
+    pub(super) fn body(&self, mesh: &Mesh, u: &[f64], hit: &Hit) -> Option<Body> {
+        let target = self.list.iter().find(|target| Some(target.facet) == hit.image.facet)?;
+        let kind = mesh.kind(target.facet.cell);
+        let r = [hit.image.reference];
+        let tables =
+            [mesh.geometry_element(kind).tabulate(&r, 2), self.space.element_at(target.position).tabulate(&r, 1)];
+        let at = self.place(mesh, target, u, &tables);
+        let deformation = at.jacobians[1] * at.jacobians[0].try_inverse()?;
+        Some(Body { y: at.y, deformation, outward: at.outward? })
     }
 
     /// The parameters where a ray meets a face from the front, and how far along the ray; `None` beside it.
