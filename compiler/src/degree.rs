@@ -265,7 +265,10 @@ fn estimate(graph: &Graph, root: ExprId, fields: &[FieldSig], entity: EntityGeom
             Node::Const(_) => CONSTANT,
             Node::Leaf(leaf) => {
                 let e = leaf_estimate(*leaf, fields, entity, view);
-                Estimate { piecewise: graph.mapping.is_some() && is_image(*leaf), ..e }
+                let at_image = is_image(*leaf);
+                // an image that moves is no polynomial of anything
+                let e = if at_image && graph.moves.is_some() { e.composed() } else { e };
+                Estimate { piecewise: graph.mapping.is_some() && at_image, ..e }
             }
             Node::Add(a, b) | Node::Sub(a, b) | Node::And(a, b) | Node::Or(a, b) => of(*a).sum(of(*b)),
             Node::InBall(a, b) | Node::Compare(_, a, b) => of(*a).sum(of(*b)),

@@ -247,6 +247,8 @@ impl Printer<'_> {
             }
             Leaf::X => "X".to_owned(),
             Leaf::ImageX => on("X".to_owned(), Side::There),
+            Leaf::ImageShift => "image_shift".to_owned(),
+            Leaf::ImageSlope => "image_slope".to_owned(),
             Leaf::Normal(side) => on("Normal".to_owned(), side),
             Leaf::ElementSize(side) => on("element_size".to_owned(), side),
             Leaf::ElementK(side) => on("element_K".to_owned(), side),

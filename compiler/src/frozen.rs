@@ -27,11 +27,12 @@ use crate::{
     graph::{ExprId, Graph, Leaf, Node, Role},
     law::{Listing, TermLaw, ValueLaw},
     ops::rebuild,
-    term::{law_of, tangent_of, value_of},
+    term::{law_of, tangent_of},
     types::{FieldId, FieldKind, FieldOp, FieldSig, PlaceSig, Shape, Side},
 };
 
 pub use parameters::{ScaledPart, Scaling, scaling_parameters};
+use slopes::watch_law;
 pub use slopes::{ArgumentSlope, SlopesLaw};
 
 /// One projection of a law.
@@ -113,12 +114,13 @@ pub fn compile_frozen(
     let fields = with_branches(env.fields, field, sizes);
     let env = Env { fields: &fields, ..*env };
     let mut g = Graph::new(from.dim, &fields);
+    g.moves = from.moves;
     let leaf = |field| Leaf::Field { field, side: Side::Here, op: FieldOp::Value, role: Role::Current };
     let data =
         BranchData { branches: g.leaf(leaf(field)), regularisation: g.leaf(leaf(FieldId::new(field.index() + 1))) };
     let Frozen { residual, watched, arguments } = freeze(from, &order, &found, &mut g, data)?;
     let watched = g.stack(Shape::vector(watched.len()), &watched);
-    let watch = value_of(&env, place, &format!("{name}.watch"), g.clone(), watched);
+    let watch = watch_law(&env, place, &format!("{name}.watch"), g.clone(), (watched, &arguments))?;
     let tangent = tangent_of(&mut g, &fields, residual).ok()?;
     let listing = Listing { graph: g, energy: None, residual: Some(residual), tangent };
     let law = law_of(&env, place, &format!("{name}.frozen"), listing);

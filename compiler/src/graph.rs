@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use crate::{
     ir::Origin,
-    types::{FieldId, FieldSig, Shape},
+    types::{FieldId, FieldSig, Moves, Shape, Side},
 };
 
 mod functions;
@@ -44,6 +44,8 @@ pub struct Graph {
     pub dim: usize,
     /// What the side `There` is: the image under this mapping, or the neighbour.
     pub mapping: Option<usize>,
+    /// The displacements that the images follow, where they move.
+    pub moves: Option<Moves>,
     /// Whether each field is solved for.
     unknown: Vec<bool>,
     shapes: Vec<Shape>,
@@ -63,6 +65,7 @@ impl Graph {
             origin: None,
             dim,
             mapping: None,
+            moves: None,
             unknown: fields.iter().map(FieldSig::is_unknown).collect(),
             shapes: fields.iter().map(|f| f.shape).collect(),
             global: fields.iter().map(|f| f.global).collect(),
@@ -121,6 +124,23 @@ impl Graph {
     #[must_use]
     pub fn is_global(&self, f: FieldId) -> bool {
         self.global[f.index()]
+    }
+
+    /// True if the field is solved for.
+    #[must_use]
+    pub fn is_unknown(&self, f: FieldId) -> bool {
+        self.unknown[f.index()]
+    }
+
+    /// True for what is another where the image of a point is another.
+    #[must_use]
+    pub fn is_at_image(&self, leaf: Leaf) -> bool {
+        match leaf {
+            Leaf::Field { field, side, .. } => side == Side::There && !self.is_global(field),
+            Leaf::Normal(side) => side == Side::There,
+            Leaf::ImageX | Leaf::ImageShift | Leaf::ImageSlope => true,
+            _ => false,
+        }
     }
 
     /// Number of nodes.
@@ -230,7 +250,7 @@ impl Graph {
                 shape
             }
             Leaf::X | Leaf::ImageX | Leaf::Normal(_) => Shape::vector(n),
-            Leaf::ElementK(_) | Leaf::ElementB(_) => Shape::matrix(n, n),
+            Leaf::ElementK(_) | Leaf::ElementB(_) | Leaf::ImageShift | Leaf::ImageSlope => Shape::matrix(n, n),
             Leaf::ElementSize(_) | Leaf::Time | Leaf::TimeStep | Leaf::RateFactor(_) => Shape::SCALAR,
         }
     }
@@ -249,6 +269,7 @@ impl Graph {
             Leaf::Time | Leaf::TimeStep | Leaf::RateFactor(_) => depends = Depends { step: true, ..Depends::default() },
             _ => {}
         }
+        depends.unknown |= self.moves.is_some() && self.is_at_image(leaf);
         self.intern(Node::Leaf(leaf), self.leaf_shape(leaf), false, arity, depends)
     }
 

@@ -21,6 +21,7 @@ mod emitter;
 mod float;
 mod frozen;
 mod graph;
+mod image;
 mod interp;
 pub mod ir;
 mod jumps;

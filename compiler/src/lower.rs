@@ -11,7 +11,7 @@ use crate::{
     lookup::{CurveRef, Reading},
     math::MatrixFn,
     scalar::{Form, NO_SLOT, Scalars},
-    types::{BasisSlot, FieldId, FieldOp, InputSlot, Shape, Side, UniformSlot},
+    types::{BasisSlot, FieldId, FieldOp, InputSlot, Moves, Shape, Side, UniformSlot},
 };
 
 /// Slots by the order in which the point law reads or multiplies them.
@@ -65,6 +65,11 @@ impl<'g> Lowering<'g> {
     /// The mapping that the graph reads through.
     pub(crate) fn mapping(&self) -> Option<usize> {
         self.graph.mapping
+    }
+
+    /// The displacements that the images of that mapping follow.
+    pub(crate) fn moves(&self) -> Option<Moves> {
+        self.graph.moves
     }
 
     /// The entries of an expression as forms.
@@ -290,6 +295,12 @@ impl<'g> Lowering<'g> {
                 }
                 Leaf::X => self.input(InputSlot::X(small(k))),
                 Leaf::ImageX => self.input(InputSlot::ImageX(small(k))),
+                Leaf::ImageShift => {
+                    let (i, j) = (k % self.graph.dim, k / self.graph.dim);
+                    let (low, high) = (i.min(j), i.max(j));
+                    self.input(InputSlot::ImageShift(small(high * (high + 1) / 2 + low)))
+                }
+                Leaf::ImageSlope => self.input(InputSlot::ImageSlope(small(k))),
                 Leaf::Normal(side) => self.input(InputSlot::Normal(side, small(k))),
                 Leaf::ElementSize(side) => self.input(InputSlot::ElementSize(side)),
                 Leaf::ElementK(side) => self.input(InputSlot::ElementK(side, small(k))),

@@ -8,6 +8,7 @@
 //! It does not know meshes, basis functions or how entries are assembled.
 
 mod bounded;
+mod chain;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,6 +24,7 @@ use crate::{
     types::{BasisSlot, FieldId, FieldOp, InputSlot, RateFactor, Side, UniformSlot},
 };
 use bounded::Bounded;
+use chain::Chain;
 
 /// Step of the differences over the size of the field values it moves.
 const STEP: f64 = 1e-9;
@@ -261,6 +263,8 @@ struct Checker<'l> {
     unknowns: Vec<(usize, BasisSlot)>,
     blocks: BTreeMap<(SlotGroup, SlotGroup), Block>,
     tested: Vec<Tested>,
+    /// Where images follow the unknowns.
+    chain: Option<Chain<'l>>,
     out: TangentCheck,
 }
 
@@ -269,9 +273,7 @@ impl<'l> Checker<'l> {
         let graph = &law.listing.graph;
         let moving: BTreeSet<FieldId> = (0..graph.len())
             .filter_map(|k| match graph.node(ExprId::new(k)) {
-                Node::Leaf(Leaf::Field { field, role: Role::Current, .. }) if graph.depends(ExprId::new(k)).unknown => {
-                    Some(*field)
-                }
+                Node::Leaf(Leaf::Field { field, role: Role::Current, .. }) if graph.is_unknown(*field) => Some(*field),
                 _ => None,
             })
             .collect();
@@ -280,7 +282,14 @@ impl<'l> Checker<'l> {
             _ => None,
         });
         let out = TangentCheck { kinks: vec![[0; 3]; law.kinks.len()], ..TangentCheck::default() };
-        Self { law, unknowns: unknowns.collect(), blocks: BTreeMap::new(), tested: Vec::new(), out }
+        Self {
+            law,
+            unknowns: unknowns.collect(),
+            blocks: BTreeMap::new(),
+            tested: Vec::new(),
+            chain: Chain::new(law),
+            out,
+        }
     }
 
     /// Everything but the unknowns: position, normal, sizes, data, the past.
@@ -304,9 +313,13 @@ impl<'l> Checker<'l> {
                 InputSlot::Field(_) => data * (0.5 + random.unit()).copysign(random.unit() - 0.25),
                 InputSlot::Previous(_) | InputSlot::History(..) => size * random.signed(),
                 InputSlot::ElementSize(_) | InputSlot::ElementK(..) | InputSlot::ElementB(..) => random.signed(),
+                InputSlot::ImageShift(_) | InputSlot::ImageSlope(_) => random.signed(),
             });
         }
         unit_normals(&self.law.inputs, &mut inputs);
+        if let Some(chain) = &self.chain {
+            chain.turn_normals(&mut inputs, || random.signed());
+        }
         Place { inputs, size }
     }
 
@@ -421,8 +434,13 @@ impl<'l> Checker<'l> {
         let size = own.map(|(k, _)| inputs[*k].hi().abs()).fold(0.0, f64::max);
         // a power of two: adding it loses nothing
         let h = (STEP * if size > 0.0 { size } else { 1.0 }).log2().round().exp2();
+        let shift = self.chain.as_ref().map(|chain| chain.shift(inputs, slot));
+        let rates = self.chain.as_ref().zip(shift.as_ref()).map(|(chain, shift)| chain.rates(inputs, shift));
         let at = |steps: f64| {
             let mut moved = inputs.to_vec();
+            for (moved, rate) in moved.iter_mut().zip(rates.iter().flatten()) {
+                *moved = *moved + Dd::from_f64(steps * h) * *rate;
+            }
             moved[position] = moved[position] + Dd::from_f64(steps * h);
             let out = Self::run(&self.law.residual, uniforms, &moved);
             let same = self.codes(&out) == codes && out.iter().all(|v| v.is_finite());
@@ -430,7 +448,14 @@ impl<'l> Checker<'l> {
         };
         let (a, b, c, d) = (at(1.0)?, at(-1.0)?, at(2.0)?, at(-2.0)?);
         let (eight, all) = (Dd::from_f64(8.0), Dd::from_f64(12.0 * h));
-        let differences = (0..self.law.tests.len()).map(|t| (eight * (a[t] - b[t]) - (c[t] - d[t])) / all).collect();
+        let tests = &self.law.tests;
+        let mut differences: Vec<Dd> =
+            (0..tests.len()).map(|t| (eight * (a[t] - b[t]) - (c[t] - d[t])) / all).collect();
+        if let (Some(chain), Some(shift)) = (&self.chain, &shift) {
+            let fluxes = Self::run(&self.law.residual, uniforms, inputs);
+            let moved = chain.moved_tests(tests, &fluxes[..tests.len()], shift);
+            differences.iter_mut().zip(moved).for_each(|(sum, moved)| *sum = *sum + moved);
+        }
         Some(Column { step: h, differences })
     }
 
@@ -536,6 +561,9 @@ impl<'l> Checker<'l> {
 fn narrow_index(k: usize) -> u16 {
     u16::try_from(k).expect("a law has few slots")
 }
+
+#[cfg(test)]
+mod moving;
 
 #[cfg(test)]
 mod tests;

@@ -18,6 +18,7 @@ use crate::{
     derive::{NoDerivative, derive},
     emitter::{Emitter, accepted},
     graph::{Arity, ExprId, Graph, Leaf, Node, Role},
+    image::Variation,
     ir::{Inst, Val},
     jumps::value_jumps,
     law::{Class, Kink, KinkKind, Listing, TermLaw, ValueLaw},
@@ -26,7 +27,7 @@ use crate::{
     sign::radius_warnings,
     summands,
     symmetry::is_symmetric,
-    types::{BasisSlot, FieldId, FieldOp, FieldSig, InputSlot, PlaceSig, Shape, UniformSlot},
+    types::{BasisSlot, FieldId, FieldOp, FieldSig, InputSlot, PlaceSig, Shape, Side, UniformSlot},
 };
 
 /// What is compiled.
@@ -112,6 +113,11 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
     }
     let root = b.graph.to_scalar(root);
     let (energy, residual) = match b.graph.arity(root) {
+        Arity { test: false, trial: false } if energy_allowed && b.reads_moving_image(root) => {
+            let d = Diagnostic::new("E111", "an energy cannot read through a mapping that moves")
+                .help("write the residual as a `term`: force.(Test_u - Interpolate(Test_u, m))");
+            return b.report(d, text, "its tangent would need second variations of the image");
+        }
         Arity { test: false, trial: false } if energy_allowed => {
             let along = direction(b, root, Role::Test, text)?;
             (Some(root), along)
@@ -162,12 +168,17 @@ fn not_scalar<T>(b: &mut Builder<'_>, d: Diagnostic, text: &Expr, shape: Shape) 
 
 /// The derivative along the test or trial functions of all unknowns.
 fn derived_along(g: &mut Graph, fields: &[FieldSig], root: ExprId, role: Role) -> Result<ExprId, NoDerivative> {
-    derive(g, root, &mut |g, leaf| match leaf {
-        Leaf::Field { field, side, op, role: Role::Current } if fields[field.index()].is_unknown() => {
-            Some(g.leaf(Leaf::Field { field, side, op, role }))
-        }
-        _ => None,
-    })
+    let mut variation = Variation::new(role);
+    let derived = derive(g, root, &mut |g, leaf| {
+        let own = match leaf {
+            Leaf::Field { field, side, op, role: Role::Current } if fields[field.index()].is_unknown() => {
+                Some(g.leaf(Leaf::Field { field, side, op, role }))
+            }
+            _ => None,
+        };
+        variation.of(g, leaf, own)
+    })?;
+    variation.finish(root, derived)
 }
 
 /// The tangent of a residual.
@@ -185,6 +196,14 @@ fn direction(b: &mut Builder<'_>, root: ExprId, role: Role, text: &Expr) -> Opti
 fn load(b: &mut Builder<'_>, value: &Expr, field: FieldId, part: LoadPart) -> Option<ExprId> {
     let v = b.expr(value)?;
     b.no_tests(value, v, "load")?;
+    if b.reads_moving_image(v) {
+        let d = Diagnostic::new("E111", "a load cannot read through a mapping that moves");
+        return b.report(
+            d.help("write a `term`: minus the load times the test function"),
+            value,
+            "it follows the bodies",
+        );
+    }
     let shape = b.env.fields[field.index()].shape;
     let test =
         b.graph.leaf(Leaf::Field { field, side: crate::types::Side::Here, op: FieldOp::Value, role: Role::Test });
@@ -261,7 +280,7 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
 
     let slots: Vec<InputSlot> = by_position(&lowering.slots.inputs);
     let uniform_slots: Vec<UniformSlot> = by_position(&lowering.slots.uniforms);
-    let changes = changes(env.fields, &lowering.scalars, &slots);
+    let changes = changes(env.fields, &lowering, &slots);
     let class = class_of(&changes, &fluxes, &pairs, !kinks.is_empty());
     let tangent_has = |what: fn(&Changes) -> bool| pairs.values().any(|v| what(&changes[v.index()]));
 
@@ -295,7 +314,8 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
         summands,
         listing,
     };
-    law.symmetric = law.listing.energy.is_some() || is_symmetric(&law, &pairs);
+    // images shift with the one displacement and act on the other
+    law.symmetric = g.moves.is_none() && (law.listing.energy.is_some() || is_symmetric(&law, &pairs));
     law
 }
 
@@ -398,20 +418,31 @@ struct Changes {
     uniforms: bool,
 }
 
+/// What a number that a law reads changes with; `moves` where images follow the unknowns.
+fn changes_of(fields: &[FieldSig], slot: InputSlot, moves: bool) -> Changes {
+    let at_image = |side: Side| moves && side == Side::There;
+    match slot {
+        InputSlot::Field(b) if fields[b.field.index()].is_unknown() => Changes { unknown: true, ..Changes::default() },
+        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => {
+            Changes { known: true, unknown: at_image(b.side), ..Changes::default() }
+        }
+        InputSlot::Normal(side, _) | InputSlot::ElementSize(side) => {
+            Changes { unknown: at_image(side), ..Changes::default() }
+        }
+        InputSlot::ImageX(_) | InputSlot::ImageShift(_) | InputSlot::ImageSlope(_) => {
+            Changes { unknown: moves, ..Changes::default() }
+        }
+        _ => Changes::default(),
+    }
+}
+
 /// For each scalar what it changes with.
-fn changes(fields: &[FieldSig], scalars: &Scalars, slots: &[InputSlot]) -> Vec<Changes> {
+fn changes(fields: &[FieldSig], lowering: &Lowering<'_>, slots: &[InputSlot]) -> Vec<Changes> {
+    let (scalars, moves) = (&lowering.scalars, lowering.moves().is_some());
     let mut out: Vec<Changes> = Vec::with_capacity(scalars.insts.len());
     for inst in &scalars.insts {
         let mut c = match inst {
-            Inst::Input(s) => match slots[*s as usize] {
-                InputSlot::Field(b) if fields[b.field.index()].is_unknown() => {
-                    Changes { unknown: true, ..Changes::default() }
-                }
-                InputSlot::Field(_) | InputSlot::Previous(_) | InputSlot::History(..) => {
-                    Changes { known: true, ..Changes::default() }
-                }
-                _ => Changes::default(),
-            },
+            Inst::Input(s) => changes_of(fields, slots[*s as usize], moves),
             Inst::Uniform(_) => Changes { uniforms: true, ..Changes::default() },
             _ => Changes::default(),
         };
@@ -482,7 +513,7 @@ pub(crate) fn values_law(
 ) -> ValueLaw {
     let inputs = by_position(&lowering.slots.inputs);
     let slots = by_position(&lowering.slots.uniforms);
-    let changes = changes(fields, &lowering.scalars, &inputs);
+    let changes = changes(fields, &lowering, &inputs);
     let changes_with_step = outputs.iter().map(|v| changes[v.index()]).any(|c| c.known || c.uniforms);
     let mut emitter = Emitter::new(&lowering.scalars, inputs.len());
     let mut kernel = emitter.kernel(name, outputs);

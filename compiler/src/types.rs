@@ -275,6 +275,15 @@ pub struct PlaceSig {
     pub inside: bool,
 }
 
+/// The displacements that the images of a mapping follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moves {
+    /// Of the body whose points are mapped.
+    pub here: FieldId,
+    /// Of the body that the images belong to.
+    pub there: FieldId,
+}
+
 /// A mapping as the compiler knows it: to each point of a place another point, where fields can be read.
 #[derive(Clone, Debug)]
 pub struct MappingSig {
@@ -284,6 +293,8 @@ pub struct MappingSig {
     pub there: Vec<bool>,
     /// The images lie on faces, which have normals.
     pub has_normal: bool,
+    /// The displacements that the images follow; `None` where they are found once.
+    pub moves: Option<Moves>,
     /// What it is in words, for messages.
     pub description: String,
 }
@@ -314,6 +325,11 @@ pub enum InputSlot {
     X(u8),
     /// A coordinate of its image under the mapping of the law.
     ImageX(u8),
+    /// An entry of the symmetric matrix that gives the shift of the image under a mapping that moves, see `image.rs`: of
+    /// row i and column j >= i that is entry `j (j + 1)/2 + i`.
+    ImageShift(u8),
+    /// An entry of the derivative of the outward unit normal at the image along its face, first index fastest.
+    ImageSlope(u8),
     /// A component of the outward unit normal of a side.
     Normal(Side, u8),
     /// The size of the cell: smallest singular value of the gradient of the map (largest over its nodes) times the root

@@ -572,6 +572,9 @@ pub enum MappingKind {
         from: Ident,
         /// The region they are mapped onto.
         onto: Ident,
+        /// `moving with u1, u2`: the displacements of the bodies behind `r` and behind `s`, one name for both; none where
+        /// images are found once.
+        moving: Vec<Ident>,
         /// Longest distance.
         within: Option<Expr>,
     },

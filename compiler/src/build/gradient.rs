@@ -133,6 +133,11 @@ impl Builder<'_> {
         Some(self.graph.leaf(Leaf::Field { field, side, op: next, role }))
     }
 
+    /// True if a value is read through a mapping that moves.
+    pub(crate) fn reads_moving_image(&self, value: ExprId) -> bool {
+        self.graph.moves.is_some() && reads_image(&self.graph, value)
+    }
+
     pub(crate) fn no_derivative<T>(&mut self, e: &Expr, what: &str) -> Option<T> {
         let d = Diagnostic::new("E111", format!("`{what}` has no second derivative here"));
         self.report(d, e, "needed for the tangent of this expression")

@@ -9,14 +9,15 @@ use std::collections::BTreeMap;
 
 use super::FrozenLaw;
 use crate::{
+    build::Env,
     degree::Degree,
-    graph::ExprId,
+    graph::{ExprId, Graph},
     ir::Val,
     law::ValueLaw,
     lower::Lowering,
     scalar::Form,
-    term::{tangent_of, values_law},
-    types::{BasisSlot, Shape},
+    term::{tangent_of, value_of, values_law},
+    types::{BasisSlot, FieldSig, PlaceSig, Shape},
 };
 
 /// One derivative of an argument: an output of [`SlopesLaw::law`].
@@ -53,8 +54,7 @@ impl FrozenLaw {
     #[must_use]
     pub fn slopes(&self) -> Option<SlopesLaw> {
         let mut g = self.law.listing.graph.clone();
-        let derivatives = self.arguments.iter().map(|a| tangent_of(&mut g, &self.fields, *a).ok());
-        let derivatives: Vec<ExprId> = derivatives.collect::<Option<_>>()?;
+        let derivatives = derivatives(&mut g, &self.fields, &self.arguments)?;
         let mut lowering = Lowering::new(&g);
         // what the watch law reads comes first, in its order
         lowering.values(self.watched);
@@ -70,6 +70,32 @@ impl FrozenLaw {
         let law = values_law(&self.fields, &name, lowering, &outputs, shape, Degree::default());
         Some(SlopesLaw { slopes, law })
     }
+}
+
+/// Along the trial functions.
+fn derivatives(g: &mut Graph, fields: &[FieldSig], arguments: &[ExprId]) -> Option<Vec<ExprId>> {
+    arguments.iter().map(|a| tangent_of(g, fields, *a).ok()).collect()
+}
+
+/// The law of what is watched, which reads what the slopes read: where images move that is more than the arguments.
+/// `None` if an argument has no derivative.
+pub(super) fn watch_law(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    mut g: Graph,
+    of: (ExprId, &[ExprId]),
+) -> Option<ValueLaw> {
+    let (watched, arguments) = of;
+    if g.moves.is_none() {
+        return Some(value_of(env, place, name, g, watched));
+    }
+    let derivatives = derivatives(&mut g, env.fields, arguments)?;
+    let mut lowering = Lowering::new(&g);
+    let outputs = lowering.values(watched);
+    derivatives.iter().for_each(|derivative| drop(lowering.lower(*derivative)));
+    let shape = g.shape(watched);
+    Some(values_law(env.fields, name, lowering, &outputs, shape, Degree::default()))
 }
 
 /// The derivative of each entry of an expression with respect to each slot, from its derivative along the trial

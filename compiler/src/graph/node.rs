@@ -46,6 +46,10 @@ pub enum Leaf {
     X,
     /// The position of the image under the mapping of the graph.
     ImageX,
+    /// The symmetric matrix that gives the shift of an image that moves.
+    ImageShift,
+    /// The derivative of the outward normal at such an image along its face.
+    ImageSlope,
     /// The outward unit normal of a side.
     Normal(Side),
     /// The cell's size.

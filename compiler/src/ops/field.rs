@@ -96,6 +96,13 @@ pub(super) fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
             let text = mapping.description.clone();
             b.report(d.help("project and raytrace give points of faces"), word, text)
         }
+        (ExprKind::Name(n), Some(m))
+            if b.env.mappings[m].moves.is_some()
+                && matches!(n.as_str(), "element_size" | "element_K" | "element_B") =>
+        {
+            let d = Diagnostic::new("E111", format!("`{n}` at an image that moves has no derivative"));
+            b.report(d.help("write a `param`, or the size of the cells of this side"), word, "it jumps between cells")
+        }
         (ExprKind::Name(n), _) if matches!(n.as_str(), "Normal" | "element_size" | "element_K" | "element_B") => {
             b.geometry(word, n, Side::There)
         }
@@ -132,6 +139,7 @@ fn reach(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Optio
         return b.report(d, target, "the others in this term have another mapping");
     }
     b.graph.mapping = found;
+    b.graph.moves = found.and_then(|m| b.env.mappings[m].moves);
     Some(found)
 }
 
@@ -160,6 +168,11 @@ pub(super) fn interpolate_filter(b: &mut Builder<'_>, c: &Call<'_>) -> Option<Ex
             b.whole_number(text, "the code of a filter")?
         }
     };
+    if code != 1 && b.graph.moves.is_some() {
+        let d = Diagnostic::new("E106", "of a mapping that moves `Interpolate_filter` knows the code 1 alone");
+        let d = d.help("what acts everywhere is a term of its own that does not read the mapping");
+        return b.report(d, c.expr, "1 is: where there is an image");
+    }
     let shape = b.graph.shape(value);
     Some(if code == 1 { value } else { b.graph.zero(shape) })
 }
@@ -172,6 +185,11 @@ pub(super) fn diff(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
         return b.report(d, variable, "");
     };
     let field = field_argument(b, c, 1)?;
+    if b.reads_moving_image(value) {
+        let d = Diagnostic::new("E111", "`Diff` does not reach through a mapping that moves")
+            .help("write the derivative: of a gap it is the jump of the test functions along the normal");
+        return b.report(d, text, "the tangent would need second variations of the image");
+    }
     let direction = if c.args.len() == 3 { Some(b.argument(c, 2)?) } else { None };
     if let Some((dt, d)) = direction {
         let (found, needed) = (b.graph.shape(d), b.env.fields[field.index()].shape);

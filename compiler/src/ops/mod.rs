@@ -21,6 +21,7 @@ pub(crate) use by_name::derivative_of;
 pub use def::OpDef;
 pub(crate) use formula::rebuild;
 pub use page::function_table;
+pub(crate) use project::carried_normal;
 pub(crate) use scalar::power;
 pub use table::all;
 pub(crate) use table::{find, names};

@@ -29,12 +29,16 @@ pub(super) fn transformed_unit_vector(b: &mut Builder<'_>, c: &Call<'_>) -> Opti
     if shape != Shape::vector(b.graph.shape(grad).size(0)) {
         return b.bad_argument(c, 1, text, "a vector as long as the matrix", shape);
     }
-    let g = &mut b.graph;
-    let id = g.identity(shape.size(0));
+    Some(carried_normal(&mut b.graph, grad, n))
+}
+
+/// The direction of `(I + grad)^-T n`: a normal of the reference placement in the current one.
+pub(crate) fn carried_normal(g: &mut Graph, grad: ExprId, n: ExprId) -> ExprId {
+    let id = g.identity(g.shape(n).size(0));
     let f = g.add(id, grad);
     let inverse = g.inverse(f);
     let carried = g.contract(n, inverse, &[(0, 0)]);
-    Some(g.unit(carried))
+    g.unit(carried)
 }
 
 pub(super) fn coulomb(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {

@@ -70,6 +70,10 @@ impl Ready {
 
 /// Checks what there is to check before a run; the seconds that it takes.
 pub(crate) fn checked(args: &RunArgs, loaded: &mut Loaded, scene: &Scene) -> Result<f64, String> {
+    if args.backend.library().is_some() && scene.system.has_moving_images() {
+        let why = "a mapping that moves needs the solvers of this program (E802)\n  = help: leave --backend out";
+        return Err(why.to_owned());
+    }
     let begin = Instant::now();
     let found = before_run(loaded, scene);
     let check_seconds = begin.elapsed().as_secs_f64();

@@ -133,6 +133,8 @@ fn input_text(slot: InputSlot, sigs: &[FieldSig]) -> String {
         InputSlot::History(RateOrder::Second, b) => format!("past of the second rate of {}", basis_text(b, sigs)),
         InputSlot::X(k) => format!("X({})", k + 1),
         InputSlot::ImageX(k) => format!("X({}) there", k + 1),
+        InputSlot::ImageShift(k) => format!("shift of the image, entry {}", k + 1),
+        InputSlot::ImageSlope(k) => format!("slope of the normal there, entry {}", k + 1),
         InputSlot::Normal(s, k) => format!("Normal({}){}", k + 1, side(s)),
         InputSlot::ElementSize(s) => format!("element_size{}", side(s)),
         InputSlot::ElementK(s, k) => format!("element_K entry {}{}", k + 1, side(s)),

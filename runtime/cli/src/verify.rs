@@ -9,6 +9,8 @@ use wfl_tasks::{
     tangents::{TOLERANCE, failure, group_text, sampling},
 };
 
+use wfl_runtime::system::System;
+
 use crate::{
     args::VerifyArgs,
     contact,
@@ -16,6 +18,9 @@ use crate::{
     prepared::{EXIT_ERROR, backend, prepare_scene, sign_of_life},
     table::Table,
 };
+
+/// Differences of images that are found again are good to this part of the largest shift.
+const SHIFT_TOLERANCE: f64 = 1e-6;
 
 pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
     let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "verify") else {
@@ -53,6 +58,10 @@ pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
         }
     }
     out(&[blocks.text(), states.text()].join("\n"));
+    let images = images(&scene.system, &mut failures);
+    if !images.rows.is_empty() {
+        out(&format!("\n{}", images.text()));
+    }
     for table in contact::states(&loaded, &scene, &forms).iter().filter(|t| !t.rows.is_empty()) {
         out(&format!("\n{}", table.text()));
     }
@@ -67,6 +76,32 @@ pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
         say(&format!("error: {failure}\n"));
     }
     ExitCode::from(EXIT_ERROR)
+}
+
+/// The shifts of images that move against images that are found again.
+fn images(system: &System, failures: &mut Vec<String>) -> Table {
+    let columns = ["term", "points compared", "points", "shift - difference", ""];
+    let mut table = Table::new("images (largest deviation over the largest shift)", &columns);
+    for term in &system.terms {
+        let Some(points) = &term.integrator.domain.moving else { continue };
+        let found = points.check_shifts(&system.mesh);
+        let good = found.error <= SHIFT_TOLERANCE;
+        if !good {
+            failures.push(format!("term {}: its images shift otherwise than their formula says", term.law.name));
+        }
+        table.push(vec![
+            term.law.name.clone().into(),
+            found.points.into(),
+            found.all.into(),
+            deviation(found.error).into(),
+            Value::from(match (found.points, good) {
+                (0, _) => "no image near the start: not compared",
+                (_, true) => "",
+                (_, false) => "WRONG",
+            }),
+        ]);
+    }
+    table
 }
 
 fn block_rows(law: &TermLaw, found: &TangentCheck, sigs: &[FieldSig], table: &mut Table) {

@@ -62,9 +62,10 @@ impl ContactTerm {
         let values = FieldValues { current: &current, ..values };
         let law = &self.law.law;
         let (n_in, n_out) = (law.inputs.len(), law.kernel.kernel().outputs.len());
-        let bound = Bound { mesh: &system.mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
+        let sampled = self.sampled.at(&system.mesh, values.current);
+        let bound = Bound { mesh: &system.mesh, domain: &sampled.domain, binding: &sampled.binding };
         let (mut workspace, mut scratch, mut all) = (Workspace::default(), Vec::new(), Vec::new());
-        for (g, group) in self.sampled.domain.groups.iter().enumerate() {
+        for (g, group) in sampled.domain.groups.iter().enumerate() {
             for batch in 0..group.n_batches() {
                 workspace.prepare(bound, g, batch, values);
                 let inputs = workspace.inputs.as_chunks::<LANES>().0;

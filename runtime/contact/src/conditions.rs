@@ -254,7 +254,8 @@ struct Motion {
 }
 
 /// What each contact law leaves of gaps and friction cones at `u`, whose largest displacement is `moved`, with the name
-/// of its term. A law that moves nothing itself is left out beside one that does, and so are laws on cells, and laws that
+/// of its term. A law that moves nothing itself is left out beside one that does, and so are laws on cells, laws whose gap
+/// turns with the bodies (images that move: it has a part in gradients, which count as tractions here), and laws that
 /// push nothing ([`ContactTerm::pushes`]).
 #[must_use]
 pub fn contact_gaps<'a>(
@@ -266,8 +267,10 @@ pub fn contact_gaps<'a>(
 ) -> Vec<(&'a str, ContactGaps)> {
     let values = system.values_with(u, contact.active_set());
     let some_act = contact.terms().iter().any(|term| term.acts_on_displacements(system));
-    let counts =
-        |t: &&ContactTerm| !t.on_cells() && if some_act { t.acts_on_displacements(system) } else { t.pushes(system) };
+    let counts = |t: &&ContactTerm| {
+        let acts = if some_act { t.acts_on_displacements(system) } else { t.pushes(system) };
+        acts && !t.on_cells() && !t.moves()
+    };
     let still = vec![0.0; if look == Look::Careful { u.len() } else { 0 }];
     let of = |t: &ContactTerm| {
         let data = t.as_written_near(system, values.view(), AS_WRITTEN);
@@ -444,7 +447,8 @@ impl ContactTerm {
     ) {
         let law = &self.law.law;
         let traction: Vec<bool> = law.inputs.iter().map(|s| is_traction(&system.fields, s)).collect();
-        let bound = Bound { mesh: &system.mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
+        let sampled = self.sampled.at(&system.mesh, values.current);
+        let bound = Bound { mesh: &system.mesh, domain: &sampled.domain, binding: &sampled.binding };
         let mut workspace = Workspace::default();
         let (n_in, n_out) = (law.inputs.len(), law.kernel.kernel().outputs.len());
         let mut scratch = Vec::new();

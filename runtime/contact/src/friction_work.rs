@@ -100,6 +100,10 @@ impl FrictionMemory {
         let values = system.values_with(u, contact.active_set());
         let mut step: Option<FrictionStep> = None;
         for ((term, slid), lost) in contact.terms().iter().zip(&mut self.slid).zip(&mut self.lost) {
+            // a slip along faces that turn is no difference of displacements
+            if term.moves() {
+                continue;
+            }
             let Some(pass) = Pass::new(term, system, values.view(), next) else { continue };
             let slips = pass.slips(if is_first { &[] } else { slid });
             let own = FrictionStep { work: pass.work(&slips), creep: pass.creep(lost) };

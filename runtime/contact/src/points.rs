@@ -104,7 +104,9 @@ impl ContactTerm {
             let gap = self.outputs_of(&self.without_tractions(system, &point.inputs), self.law.uniforms());
             let slopes = self.slopes.at_point(&point.inputs);
             for (position, p) in self.projections.iter().enumerate().filter(|(_, p)| p.acts) {
-                let moved = self.motion(system, position, &gap[p.output..][..p.n], &slopes);
+                // where images move the gap turns with the bodies: without gradients it is another one
+                let own = (!self.moves()).then(|| self.motion(system, position, &gap[p.output..][..p.n], &slopes));
+                let moved = own.flatten();
                 place(p, point, moved, at, found);
             }
         }

@@ -110,7 +110,8 @@ impl ContactTerm {
             .map(|(at, s)| (at, s.projection))
             .collect();
         let mut found: Vec<Vec<f64>> = vec![Vec::new(); self.projections.len()];
-        let bound = Bound { mesh: &system.mesh, domain: &self.sampled.domain, binding: &self.sampled.binding };
+        let sampled = self.sampled.at(&system.mesh, values.current);
+        let bound = Bound { mesh: &system.mesh, domain: &sampled.domain, binding: &sampled.binding };
         let mut workspace = Workspace::default();
         let places = self.sampled.domain.places(&system.mesh);
         for (g, (group, places)) in self.sampled.domain.groups.iter().zip(&places).enumerate() {

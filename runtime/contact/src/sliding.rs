@@ -54,7 +54,7 @@ type Displacements = Vec<Vec<usize>>;
 
 impl ContactTerm {
     fn slid_past_faces(&self, system: &System, values: FieldValues<'_>) -> Option<SlidPast> {
-        if self.on_cells() {
+        if self.on_cells() || self.moves() {
             return None;
         }
         // every rank has the law, so that all of them stay or go
@@ -117,7 +117,7 @@ impl ContactTerm {
     }
 
     /// True if the sides press on each other at a point: where no law has a pressure, if friction acts.
-    fn presses(&self, point: &Point) -> bool {
+    pub(super) fn presses(&self, point: &Point) -> bool {
         let argument = |at: usize| point.outputs[at];
         let mut half_lines =
             self.projections.iter().filter(|p| p.kind == ProjectionKind::HalfLine && p.n == 1).peekable();

@@ -165,6 +165,12 @@ impl ContactTerm {
         !self.on_cells() && self.projections.iter().any(|p| p.kind == ProjectionKind::Ball && p.acts)
     }
 
+    /// True if the images of its points follow the bodies.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        self.sampled.moves()
+    }
+
     /// True if the term is integrated over cells: its projections are no contact.
     #[must_use]
     pub fn on_cells(&self) -> bool {

@@ -4,8 +4,17 @@
 //! one orientation towards the neighbour) have the same reference points, so basis tables are made once a group;
 //! entities of a group are processed [`LANES`] at a time. Weights are those of the reference entity.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod moving;
+mod rays;
+mod shifts;
 
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
+
+pub use moving::{Follows, ImageMotion, MovingPoints};
+pub use shifts::ShiftCheck;
 use wfl_compiler::{ir::LANES, types::EntityGeometry};
 
 use crate::{
@@ -106,6 +115,8 @@ pub struct Group {
     /// Outward normal of the reference facet of the images of a mapping; `None` for a neighbour, whose normal is
     /// opposite, and for images without facets.
     pub there_normal: Option<[f64; 3]>,
+    /// How the image shifts, where it follows the bodies.
+    pub motion: Option<ImageMotion>,
 }
 
 impl Group {
@@ -113,6 +124,12 @@ impl Group {
     #[must_use]
     pub fn n_batches(&self) -> usize {
         self.entities.len().div_ceil(LANES)
+    }
+
+    /// True where the image of its point follows the bodies, and there is none.
+    #[must_use]
+    pub fn has_lost_its_image(&self) -> bool {
+        self.motion.is_some_and(|motion| motion.stand_in.is_some())
     }
 
     /// Points of the rule.
@@ -199,6 +216,8 @@ pub struct Domain {
     pub groups: Vec<Group>,
     /// Total number of entities.
     pub n_entities: usize,
+    /// What finds the images of its points, where they follow the bodies: the groups are those at one state.
+    pub moving: Option<Arc<MovingPoints>>,
 }
 
 /// Where the entities of a group stand among those of all ranks.
@@ -267,7 +286,7 @@ impl Domain {
             }
             RegionSet::Nodes(_) => (Over::Points, Vec::new()),
         };
-        Ok(Self { over, dim: mesh.dim(), n_entities: region.len(), groups })
+        Ok(Self { over, dim: mesh.dim(), n_entities: region.len(), groups, moving: None })
     }
 }
 
@@ -356,13 +375,13 @@ impl Domain {
         let cell = CellId::new(0);
         if mesh.n_cells() == 0 {
             // a part of a mesh without cells: the first rank has the equation
-            return Self { over: Over::Points, dim: mesh.dim(), n_entities: 0, groups: Vec::new() };
+            return Self { over: Over::Points, dim: mesh.dim(), n_entities: 0, groups: Vec::new(), moving: None };
         }
         let kind = mesh.kind(cell);
         let mut here = GroupSide::new(mesh, kind, vec![kind.reference_centre()]);
         here.cells.push(cell);
         let group = Group { entities: vec![0], ..one_point(here) };
-        Self { over: Over::Points, dim: mesh.dim(), n_entities: 1, groups: vec![group] }
+        Self { over: Over::Points, dim: mesh.dim(), n_entities: 1, groups: vec![group], moving: None }
     }
 }
 
@@ -396,7 +415,7 @@ impl Domain {
             }
         }
         let groups = groups.into_values().collect();
-        Self { over: Over::Points, dim: mesh.dim(), groups, n_entities: nodes.len() }
+        Self { over: Over::Points, dim: mesh.dim(), groups, n_entities: nodes.len(), moving: None }
     }
 }
 
@@ -415,6 +434,7 @@ fn one_point(here: GroupSide) -> Group {
         here,
         there: None,
         there_normal: None,
+        motion: None,
     }
 }
 
@@ -451,7 +471,7 @@ impl Domain {
                 groups.extend(parts.into_iter().map(|(image, points)| part(mesh, group, k, image, &points)));
             }
         }
-        (Self { over: base.over, dim: base.dim, groups, n_entities: base.n_entities }, lost)
+        (Self { over: base.over, dim: base.dim, groups, n_entities: base.n_entities, moving: None }, lost)
     }
 }
 
@@ -478,6 +498,7 @@ fn part(mesh: &Mesh, group: &Group, k: usize, image: Image, points: &[ImagePoint
         here,
         there: Some(there),
         there_normal: image.facet.map(|f| kind.facet_normal(usize::from(f.local))),
+        motion: None,
     }
 }
 
@@ -529,6 +550,7 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
                 here: GroupSide::new(mesh, kind, rule.points),
                 there: None,
                 there_normal: None,
+                motion: None,
             }
         });
         group.entities.push(k);
@@ -569,6 +591,7 @@ fn facet_groups(
             here: GroupSide::new(mesh, kind, facet_points(kind, local, &rule)),
             there: opposite.as_ref().map(|(there, points)| GroupSide::new(mesh, mesh.kind(there.cell), points.clone())),
             there_normal: None,
+            motion: None,
         });
         group.entities.push(k);
         group.here.cells.push(here.cell);

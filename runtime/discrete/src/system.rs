@@ -235,6 +235,12 @@ impl System {
         self.terms.iter().all(|t| t.law.class <= Class::Linear)
     }
 
+    /// True if images of points follow the bodies: their terms couple any face with any other one of a pair of surfaces.
+    #[must_use]
+    pub fn has_moving_images(&self) -> bool {
+        self.terms.iter().any(|t| t.integrator.moves())
+    }
+
     /// True if every tangent is symmetric.
     #[must_use]
     pub fn is_symmetric(&self) -> bool {

@@ -13,7 +13,7 @@ use wfl_compiler::{
 
 pub use crate::prologue::uniforms_at;
 use crate::{
-    assemble::{Binding, Bound, Domain, FieldValues, LawSlots, Workspace},
+    assemble::{Binding, Bound, Domain, FieldValues, Integrator, LawSlots, Workspace},
     field::{Field, FieldError},
     finite::NotFinite,
     prologue::step_slots,
@@ -131,6 +131,7 @@ impl Value {
     /// one that has such a point.
     #[must_use]
     pub fn first_not_finite(&self, mesh: &Mesh, sampled: &Sampled, values: FieldValues<'_>) -> Option<NotFinite> {
+        let sampled = &sampled.at(mesh, values.current);
         let team = mesh.team();
         let own = self.own_not_finite(mesh, sampled, values);
         let found = team.numbers_of(team.first(own.is_some())?, &own.unwrap_or_default());
@@ -165,7 +166,7 @@ impl Value {
     pub fn bind(&self, mesh: &Mesh, domain: Arc<Domain>, fields: &[Field]) -> Result<Sampled, FieldError> {
         let slots = LawSlots { inputs: &self.law.inputs, tests: &[], trials: &[] };
         let binding = Binding::new(mesh, &domain, fields, slots)?;
-        Ok(Sampled { domain, binding: Arc::new(binding) })
+        Ok(Integrator { domain, binding: Arc::new(binding) })
     }
 
     /// Calls `f(group, entity of the group, point, weight, value)` at each point of a domain, in order.
@@ -179,7 +180,8 @@ impl Value {
         self.at_points(mesh, sampled, values, |_, _| true, f);
     }
 
-    /// Calls `f(weight, value)` at each point of a domain that this rank counts, in order.
+    /// Calls `f(weight, value)` at each point of a domain that this rank counts, in order; where images follow the bodies,
+    /// at those that have one.
     pub fn for_each_counted_point(
         &self,
         mesh: &Mesh,
@@ -187,7 +189,11 @@ impl Value {
         values: FieldValues<'_>,
         mut f: impl FnMut(f64, &[f64]),
     ) {
-        let counts = |g: usize, k: usize| sampled.domain.groups[g].is_counted(mesh, k);
+        let sampled = &sampled.at(mesh, values.current);
+        let counts = |g: usize, k: usize| {
+            let group = &sampled.domain.groups[g];
+            group.is_counted(mesh, k) && !group.has_lost_its_image()
+        };
         self.at_points(mesh, sampled, values, counts, |_, _, _, weight, value| f(weight, value));
     }
 
@@ -201,6 +207,7 @@ impl Value {
         mut f: impl FnMut(usize, usize, usize, f64, &[f64]),
     ) {
         let n_out = self.n_components();
+        let sampled = &sampled.at(mesh, values.current);
         let bound = Bound { mesh, domain: &sampled.domain, binding: &sampled.binding };
         let mut workspace = Workspace::default();
         let mut value = vec![0.0; n_out];
@@ -228,10 +235,4 @@ impl Value {
 }
 
 /// An expression on a domain.
-#[derive(Clone)]
-pub struct Sampled {
-    /// Where.
-    pub domain: Arc<Domain>,
-    /// Slots and tables.
-    pub binding: Arc<Binding>,
-}
+pub type Sampled = Integrator;

@@ -282,9 +282,10 @@ impl<'a> Reader<'a> {
                 self.declare(name, Kind::Mapping);
                 match kind {
                     MappingKind::Point(e) => self.expr(e),
-                    MappingKind::Search { from, onto, within, .. } => {
+                    MappingKind::Search { from, onto, moving, within, .. } => {
                         self.region(from);
                         self.region(onto);
+                        moving.iter().for_each(|field| self.value(field));
                         self.exprs(within);
                     }
                 }

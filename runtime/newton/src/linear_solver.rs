@@ -536,5 +536,5 @@ fn facing(system: &System, coordinates: &[[f64; 3]]) -> Vec<(u32, u32)> {
 pub fn condenses(system: &System) -> bool {
     #[expect(clippy::cast_precision_loss, reason = "a ratio of counts")]
     let few = (system.n_changing_dofs() as f64) < CONDENSE_BELOW * system.n_unknowns() as f64;
-    few && system.bulk_is_symmetric() && system.uses(Pruning::Condense)
+    few && !system.has_moving_images() && system.bulk_is_symmetric() && system.uses(Pruning::Condense)
 }

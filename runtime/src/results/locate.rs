@@ -117,7 +117,7 @@ fn by_entity(holders: &[Option<Holder>]) -> BTreeMap<usize, Vec<(usize, [f64; 3]
 }
 
 fn domain(mesh: &Mesh, over: Over, groups: Vec<Group>) -> Arc<Domain> {
-    Arc::new(Domain { over, dim: mesh.dim(), n_entities: groups.len(), groups })
+    Arc::new(Domain { over, dim: mesh.dim(), n_entities: groups.len(), groups, moving: None })
 }
 
 /// Points of one cell as a group.
@@ -136,5 +136,6 @@ fn cell_group(mesh: &Mesh, cell: CellId, points: Vec<[f64; 3]>) -> Group {
         here,
         there: None,
         there_normal: None,
+        motion: None,
     }
 }

@@ -9,6 +9,7 @@ use wfl::Diagnostic;
 use super::growth::Growth;
 use crate::{
     checks::{self, Alternating, DistantContact, LargeStrain, PorePressure},
+    contact::{Images, images},
     finite::position,
     scene::{Scene, Solving},
 };
@@ -25,6 +26,58 @@ pub(super) struct Watched {
     /// By pressure the first step at which it alternated.
     alternating: Vec<(f64, Alternating)>,
     growth: Growth,
+    images: WatchedImages,
+}
+
+/// Images that follow the bodies.
+#[derive(Clone, Debug, Default)]
+struct WatchedImages {
+    /// Of the last state that was looked at.
+    last: Vec<Images>,
+    /// By term: the first step at which points lost theirs under pressure, and how many of how many.
+    lost: Vec<(f64, usize, [usize; 2])>,
+    /// Terms that had an image at some step.
+    found: Vec<usize>,
+}
+
+impl WatchedImages {
+    fn look(&mut self, scene: &Solving<'_>, u: &[f64], time: f64) {
+        let now = images(scene.system, scene.contact, u);
+        for (now, before) in now.iter().zip(&self.last) {
+            let lost = now.lost(before);
+            if lost > 0 && self.lost.iter().all(|(_, term, _)| *term != now.term) {
+                self.lost.push((time, now.term, [lost, now.found.len()]));
+            }
+        }
+        let have = now.iter().filter(|images| images.found.contains(&true)).map(|images| images.term);
+        let new: Vec<usize> = have.filter(|term| !self.found.contains(term)).collect();
+        self.found.extend(new);
+        self.last = now;
+    }
+
+    /// What there is to say at the end; `is_whole` where all steps were looked at.
+    fn told(&self, scene: &Solving<'_>, is_whole: bool) -> Vec<Diagnostic> {
+        let name = |term: usize| &scene.system.terms[term].law.name;
+        let lost = self.lost.iter().map(|(time, term, [lost, all])| {
+            let name = name(*term);
+            let text = format!("at t = {time} {lost} of {all} points of `{name}` lost their image while they pressed");
+            Diagnostic::new("W632", text)
+                .at_or_note(
+                    scene.place_of_term(name),
+                    "their rays no longer meet the other body, at its edge or beyond `within`",
+                )
+                .note("their force is gone from one step to the next")
+                .help("smaller steps, a larger `within`, or faces of the other body that reach further")
+        });
+        let never = self.last.iter().filter(|images| is_whole && !self.found.contains(&images.term)).map(|images| {
+            let name = name(images.term);
+            let text = "its rays, along the normal of the current faces, never met the other body from the front and within \
+                        the distance of `within`";
+            Diagnostic::new("W632", format!("no point of `{name}` had an image in any step"))
+                .at_or_note(scene.place_of_term(name), text)
+        });
+        lost.chain(never).collect()
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -55,6 +108,7 @@ impl Watched {
             kept.pressures.retain(|p| !p.is_of(system, &found));
             self.alternating.push((time, found));
         }
+        self.images.look(scene, u, time);
         if scene.steps.several() {
             self.growth.add(scene, u, time);
         }
@@ -77,6 +131,7 @@ impl Watched {
             out.extend(locked.iter().map(|l| locked_bending(scene, l)));
         }
         out.extend(self.alternating.iter().map(|(time, a)| alternates(scene, *time, a)));
+        out.extend(self.images.told(scene, n_solved == self.n && self.n > 0));
         out
     }
 }

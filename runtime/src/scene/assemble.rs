@@ -183,7 +183,9 @@ impl Builder<'_> {
     /// The points of a law, shared with laws on the same place with the same rule; `None` after a message.
     fn domain_of(&mut self, placed: &PlacedLaw, points: PointsOf, known: &mut Domains) -> Option<Arc<Domain>> {
         let law = &placed.law;
-        let there = fields_there(&law.inputs, law.tests.iter().chain(&law.trials));
+        // images that move are the same whatever is read there
+        let moves = law.listing.graph.moves.is_some();
+        let there = if moves { Vec::new() } else { fields_there(&law.inputs, law.tests.iter().chain(&law.trials)) };
         let mapping = law.listing.graph.mapping.map(|mapping| Through { mapping, there });
         let place = ((placed.place.clone(), placed.set.clone(), mapping), points);
         // a set that is one with another on some ranks alone is another one

@@ -92,7 +92,12 @@ fn candidates(script: &ResolvedScript, sides: Sides<'_>, system: &System) -> Vec
     let mut found = Vec::new();
     let scale = extent(&system.mesh);
     for (field, declared) in script.fields.iter().enumerate() {
-        let keep = matches!(declared.kind, Declared::Multiplier { keep_crosspoints: true });
+        // which side a multiplier meets changes where images move
+        let meets_moving = || {
+            let mut own = system.terms.iter().filter(|t| t.coupled_fields().any(|f| f.index() == field));
+            own.any(|t| t.integrator.moves())
+        };
+        let keep = matches!(declared.kind, Declared::Multiplier { keep_crosspoints: true }) || meets_moving();
         let (FieldKind::Multiplier, FieldSpace::Nodal(space), Some(range), false) =
             (system.fields[field].kind, &system.fields[field].space, system.range(field), keep)
         else {

@@ -1,7 +1,9 @@
 //! Mappings: for each integration point another point of the mesh, where `Interpolate` evaluates fields.
 //!
 //! The images are computed once, on the initial mesh (small sliding), so the tangents of mapped values are exact. A
-//! point without an image is not integrated; W406 reports their number, and a term without any image is an error.
+//! point without an image is not integrated; W406 reports their number, and a term without any image is an error. Images
+//! of a mapping that moves with displacements are found in each state (`discrete/src/domain/moving.rs`), and its points may
+//! come and go.
 
 use std::{collections::BTreeSet, sync::Arc};
 
@@ -12,14 +14,14 @@ use wfl::{
 use wfl_compiler::{
     backend::KernelBackend,
     compile_value,
-    types::{BasisSlot, InputSlot, MappingSig, Side},
+    types::{BasisSlot, FieldId, InputSlot, MappingSig, Moves, Side},
     without_fields,
 };
 
 use crate::{
-    assemble::Domain,
+    assemble::{Domain, Follows, MovingPoints},
     field::{Field, FieldSpace},
-    finite::BadGiven,
+    finite::{BadGiven, NotFinite},
     mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet},
     scene::{Parts, constants::number, mesh::position_place},
     space::Support,
@@ -36,6 +38,8 @@ enum Search {
     Position(Box<Value>, Span),
     /// On facets: the nearest point, or where the normal hits them.
     Facets { raytrace: bool, from: BTreeSet<FacetRef>, finder: FacetFinder, reach: f64 },
+    /// On facets that follow the bodies, from points that do.
+    Moving { from: BTreeSet<FacetRef>, onto: Vec<FacetRef>, moves: Moves, reach: f64 },
 }
 
 /// The mappings of a scene.
@@ -61,8 +65,13 @@ impl MappingMaker<'_> {
         for mapping in &self.parts.script.mappings {
             let search = match &mapping.kind {
                 MappingKind::Point(e) => self.position(e),
-                MappingKind::Search { raytrace, from, onto, within } => {
-                    self.search(*raytrace, from, onto, within.as_ref())
+                MappingKind::Search { raytrace, from, onto, moving, within } => {
+                    let ends = [from, onto];
+                    match moving.as_slice() {
+                        [] => self.search(*raytrace, ends, within.as_ref()),
+                        [one] => self.moving(*raytrace, ends, [one, one], within.as_ref()),
+                        [here, there, ..] => self.moving(*raytrace, ends, [here, there], within.as_ref()),
+                    }
                 }
             };
             let Some(search) = search else { continue };
@@ -72,26 +81,28 @@ impl MappingMaker<'_> {
                     description: format!("`{name}` leads to points inside cells"),
                     there: self.parts.fields.iter().map(|f| is_global(f) || cells_of(f).is_some()).collect(),
                     has_normal: false,
+                    moves: None,
                     name,
                 },
-                Search::Facets { finder, .. } => {
-                    let inside = |f: &Field| finder.facets().iter().all(|facet| f.lives_in_cell(facet.cell));
-                    MappingSig {
-                        description: format!("`{name}` leads to {} faces", finder.facets().len()),
-                        there: self
-                            .parts
-                            .fields
-                            .iter()
-                            .map(|f| is_global(f) || (cells_of(f).is_some() && inside(f)))
-                            .collect(),
-                        has_normal: true,
-                        name,
-                    }
-                }
+                Search::Facets { finder, .. } => self.onto_facets(name, finder.facets(), None),
+                Search::Moving { onto, moves, .. } => self.onto_facets(name, onto, Some(*moves)),
             });
             made.list.push((mapping.name.clone(), search));
         }
         made
+    }
+
+    /// What the compiler knows of a mapping onto facets.
+    fn onto_facets(&self, name: String, facets: &[FacetRef], moves: Option<Moves>) -> MappingSig {
+        let inside = |f: &Field| facets.iter().all(|facet| f.lives_in_cell(facet.cell));
+        let lives = |f: &Field| is_global(f) || (cells_of(f).is_some() && inside(f));
+        MappingSig {
+            description: format!("`{name}` leads to {} faces", facets.len()),
+            there: self.parts.fields.iter().map(lives).collect(),
+            has_normal: true,
+            moves,
+            name,
+        }
     }
 
     fn position(&mut self, e: &Expr) -> Option<Search> {
@@ -118,22 +129,84 @@ impl MappingMaker<'_> {
         }
     }
 
-    fn search(&mut self, raytrace: bool, from: &Ident, onto: &Ident, within: Option<&Expr>) -> Option<Search> {
+    fn search(&mut self, raytrace: bool, [from, onto]: [&Ident; 2], within: Option<&Expr>) -> Option<Search> {
         let (from, onto) = (self.facets(from)?, self.facets(onto)?);
-        let reach = match within {
-            None => f64::INFINITY,
-            Some(e) => {
-                let d = number(self.parts.env, "a distance", e, self.diagnostics)?;
-                if d < 0.0 || d.is_nan() {
-                    let m = Diagnostic::new("E419", format!("nothing is within a distance of {d}"));
-                    self.diagnostics.push(m.at(e.span, ""));
-                    return None;
-                }
-                d
-            }
-        };
+        let reach = self.reach(within)?;
         let from = from.into_iter().collect();
         Some(Search::Facets { raytrace, from, finder: FacetFinder::new(self.parts.mesh, &onto), reach })
+    }
+
+    /// The longest distance to an image.
+    fn reach(&mut self, within: Option<&Expr>) -> Option<f64> {
+        let Some(e) = within else { return Some(f64::INFINITY) };
+        let d = number(self.parts.env, "a distance", e, self.diagnostics)?;
+        if d < 0.0 || d.is_nan() {
+            let m = Diagnostic::new("E419", format!("nothing is within a distance of {d}"));
+            self.diagnostics.push(m.at(e.span, ""));
+            return None;
+        }
+        Some(d)
+    }
+
+    /// A mapping whose images follow the bodies.
+    fn moving(
+        &mut self,
+        raytrace: bool,
+        [from, onto]: [&Ident; 2],
+        [here, there]: [&Ident; 2],
+        within: Option<&Expr>,
+    ) -> Option<Search> {
+        let (facets, targets) = (self.facets(from)?, self.facets(onto)?);
+        let reach = self.reach(within)?;
+        if !raytrace {
+            return self.not_available(from, "`project` that moves", "write `raytrace`, along the normal of `from`");
+        }
+        if self.parts.mesh.dim() < 2 {
+            return self.not_available(
+                from,
+                "a mapping that moves on a line",
+                "the end of a bar meets a formula of x + u",
+            );
+        }
+        let sources: BTreeSet<FacetRef> = facets.iter().copied().collect();
+        if targets.iter().any(|facet| sources.contains(facet)) {
+            let cure =
+                "name the faces of the one body and those of the other in two regions; write a mapping for each way";
+            return self.not_available(onto, "a surface that is mapped onto itself", cure);
+        }
+        let here = self.displacement(here, &facets, from)?;
+        let there = self.displacement(there, &targets, onto)?;
+        Some(Search::Moving { from: sources, onto: targets, moves: Moves { here, there }, reach })
+    }
+
+    /// The field of a displacement that lives in the cells behind some faces.
+    fn displacement(&mut self, name: &Ident, facets: &[FacetRef], region: &Ident) -> Option<FieldId> {
+        let at = self.parts.fields.iter().position(|f| f.name == name.name)?;
+        let (field, dim) = (&self.parts.fields[at], self.parts.mesh.dim());
+        if field.n_components != dim || cells_of(field).is_none() {
+            let d = Diagnostic::new(
+                "E108",
+                format!("a mapping moves with a displacement: a vector of {dim} components on cells"),
+            );
+            self.diagnostics.push(d.at(name.span, format!("`{}` is none", name.name)));
+            return None;
+        }
+        if facets.iter().any(|facet| !field.lives_in_cell(facet.cell)) {
+            let d =
+                Diagnostic::new("E202", format!("`{}` does not live behind all faces of `{}`", name.name, region.name));
+            let d = d.help(
+                "moving with u1, u2 names the displacement behind the points first, then that behind their images",
+            );
+            self.diagnostics.push(d.at(name.span, "").at(region.span, "faces of these cells"));
+            return None;
+        }
+        Some(FieldId::new(at))
+    }
+
+    fn not_available(&mut self, at: &Ident, what: &str, cure: &str) -> Option<Search> {
+        let d = Diagnostic::new("E802", format!("{what} is not available yet"));
+        self.diagnostics.push(d.help(cure).at(at.span, ""));
+        None
     }
 
     fn facets(&mut self, name: &Ident) -> Option<Vec<FacetRef>> {
@@ -192,6 +265,8 @@ impl Mappings {
                 let y = value.at_positions(&[x]).ok()?;
                 Some([0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0)))
             }
+            // another one in each state
+            Search::Moving { .. } => None,
             Search::Facets { finder, reach, .. } => {
                 let image = finder.nearest(mesh, x, *reach)?;
                 let table = mesh.geometry_element(mesh.kind(image.cell)).tabulate(&[image.reference], 0);
@@ -216,30 +291,29 @@ impl Mappings {
             Search::Position(value, formula) => {
                 let homes: Vec<&Field> =
                     through.there.iter().filter_map(|k| fields.get(*k)).filter(|f| !is_global(f)).collect();
-                let cells: Vec<CellId> = mesh.cells().filter(|c| homes.iter().all(|f| f.lives_in_cell(*c))).collect();
-                let finder = CellFinder::new(mesh, &cells);
-                let mut bad = None;
-                let mapped = Domain::mapped(mesh, base, |x, _| match value.at_positions(&[x]) {
-                    Ok(y) => finder.find(mesh, [0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0))),
+                match at_positions(mesh, base, value, &homes) {
+                    Ok(mapped) => mapped,
                     Err(at) => {
-                        bad.get_or_insert(at);
-                        None
+                        let bad = BadGiven { what: format!("the mapping `{}`", name.name), span: *formula, at };
+                        diagnostics.push(bad.diagnostic(&self.expansions, None));
+                        return None;
                     }
-                });
-                if let Some(at) = bad {
-                    let bad =
-                        BadGiven { what: format!("the mapping `{}`", name.name), span: *formula, at: Box::new(at) };
-                    diagnostics.push(bad.diagnostic(&self.expansions, None));
+                }
+            }
+            Search::Moving { from, onto, moves, reach } => {
+                if let Some(d) = not_mapped(base, from, name, span) {
+                    diagnostics.push(d);
                     return None;
                 }
-                mapped
+                let made = moving_points(mesh, fields, base, onto, *moves, *reach);
+                if made.is_none() {
+                    diagnostics.push(no_faces(name, span));
+                }
+                return made;
             }
             Search::Facets { raytrace, from, finder, reach } => {
-                let outside = base.groups.iter().flat_map(|g| &g.here.facets).find(|f| !from.contains(f));
-                if base.groups.iter().any(|g| g.here.facets.is_empty()) || outside.is_some() {
-                    let d = Diagnostic::new("E203", format!("`{}` does not map the points of this place", name.name));
-                    let d = d.at(span, "only faces behind `from` have images");
-                    diagnostics.push(d.at(name.span, "declared here"));
+                if let Some(d) = not_mapped(base, from, name, span) {
+                    diagnostics.push(d);
                     return None;
                 }
                 Domain::mapped(mesh, base, |x, normal| match (raytrace, normal) {
@@ -261,6 +335,59 @@ impl Mappings {
         }
         Some(Arc::new(domain))
     }
+}
+
+/// The points of a place with the images that a formula gives, found where these fields live, and how many have none.
+fn at_positions(
+    mesh: &Mesh,
+    base: &Domain,
+    value: &Value,
+    homes: &[&Field],
+) -> Result<(Domain, usize), Box<NotFinite>> {
+    let cells: Vec<CellId> = mesh.cells().filter(|c| homes.iter().all(|f| f.lives_in_cell(*c))).collect();
+    let finder = CellFinder::new(mesh, &cells);
+    let mut bad = None;
+    let mapped = Domain::mapped(mesh, base, |x, _| match value.at_positions(&[x]) {
+        Ok(y) => finder.find(mesh, [0, 1, 2].map(|d| y.get(d).copied().unwrap_or(0.0))),
+        Err(at) => {
+            bad.get_or_insert(at);
+            None
+        }
+    });
+    bad.map_or(Ok(mapped), |at| Err(Box::new(at)))
+}
+
+/// The points of a place whose images follow two displacements, with those of the bodies at rest.
+fn moving_points(
+    mesh: &Mesh,
+    fields: &[Field],
+    base: &Domain,
+    onto: &[FacetRef],
+    moves: Moves,
+    reach: f64,
+) -> Option<Arc<Domain>> {
+    let follows = |field: FieldId| match &fields[field.index()].space {
+        FieldSpace::Nodal(space) => Some(Follows { field: field.index(), space: space.clone() }),
+        FieldSpace::Global | FieldSpace::Points(_) => None,
+    };
+    let points = MovingPoints::new(mesh, base, onto, [follows(moves.here)?, follows(moves.there)?], reach)?;
+    Some(Arc::new(points).at(mesh, &[]))
+}
+
+/// The message about a mapping that moves without faces to lead to.
+fn no_faces(name: &Ident, span: Span) -> Diagnostic {
+    let d = Diagnostic::new("E419", format!("no point has an image under `{}`", name.name));
+    d.at(span, "").at(name.span, "it leads to no faces, or to cells without a volume")
+}
+
+/// The message about a place with points that a mapping from these faces does not map.
+fn not_mapped(base: &Domain, from: &BTreeSet<FacetRef>, name: &Ident, span: Span) -> Option<Diagnostic> {
+    let outside = base.groups.iter().flat_map(|g| &g.here.facets).any(|f| !from.contains(f));
+    if !outside && base.groups.iter().all(|g| !g.here.facets.is_empty()) {
+        return None;
+    }
+    let d = Diagnostic::new("E203", format!("`{}` does not map the points of this place", name.name));
+    Some(d.at(span, "only faces behind `from` have images").at(name.span, "declared here"))
 }
 
 /// A result file cannot follow a mapping: its points are not integration points.

@@ -9,13 +9,13 @@ use std::collections::BTreeMap;
 use wfl::{
     Diagnostic, FieldKind as Declared, Lost, ResolvedScript, Span, StartKind,
     ast::{
-        Cond, EntityKind, Expr, ExprKind, MappingKind, MeshSource, OptionValue, Place, QuadratureRule, RegionExpr,
-        TargetPart,
+        Cond, EntityKind, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionValue, Place, QuadratureRule,
+        RegionExpr, TargetPart,
     },
 };
 use wfl_compiler::{
     Constant, Env, LoadPart, TermSource, check_condition, check_term, check_value, constant,
-    types::{FieldId, FieldKind, FieldSig, MappingSig, PlaceKind, PlaceSig, RateForm, Shape},
+    types::{FieldId, FieldKind, FieldSig, MappingSig, Moves, PlaceKind, PlaceSig, RateForm, Shape},
 };
 
 use super::{
@@ -244,10 +244,18 @@ fn mappings(script: &ResolvedScript, n_fields: usize) -> Vec<MappingSig> {
     let sig = |mapping: &wfl::Mapping| MappingSig {
         name: mapping.name.name.clone(),
         there: vec![true; n_fields],
+        moves: moves(mapping, script),
         has_normal: matches!(mapping.kind, MappingKind::Search { .. }),
         description: "a mapping".to_owned(),
     };
     script.mappings.iter().map(sig).collect()
+}
+
+/// The displacements that a mapping names.
+fn moves(mapping: &wfl::Mapping, script: &ResolvedScript) -> Option<Moves> {
+    let MappingKind::Search { moving, .. } = &mapping.kind else { return None };
+    let field = |name: &Ident| script.fields.iter().position(|f| f.name.name == name.name).map(FieldId::new);
+    Some(Moves { here: field(moving.first()?)?, there: field(moving.last()?)? })
 }
 
 /// The kind of a region as its declaration shows it; the most permissive one if only a mesh file knows.

@@ -123,6 +123,11 @@ pub struct Picked {
 /// Where not even the first mesh has a solution: why.
 pub fn pick(job: &Job<'_>, loaded: Loaded, scene: Scene, whole: &mut dyn WholeRun) -> Result<Picked, Out> {
     let failed = |why: String| Out::Failed(why);
+    if scene.system.has_moving_images() {
+        let why =
+            "no accuracy is estimated where a mapping moves (E802)\n  = help: compare runs on two meshes: wfl sweep";
+        return Err(failed(why.to_owned()));
+    }
     let known = known_of(loaded, scene, job.overrides);
     has_quantity(&known, &job.demand.quantity).map_err(failed)?;
     let ways = Ways::of(&known.loaded.script, &known.scene);

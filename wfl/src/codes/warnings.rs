@@ -547,6 +547,18 @@ pub(super) const PAGES: &[CodePage] = &[
         "fix u1 = [0.1*t, -0.005, 0] on top",
     ),
     page(
+        "W632",
+        "points under pressure that lost their image",
+        "The images of a mapping that moves are found in each state, along the current normal of the points and within the \
+         distance of `within`. Points that pressed at the end of a step have no image at the end of the next: the body was \
+         pushed over the edge of the other one, or is further inside it than `within`. Their force is gone from one step to \
+         the next, and no method converges on such a jump; the message has the first step and the number of points. Also told \
+         where no point had an image in any step: the normal of the other faces does not oppose that of the points, or the \
+         bodies never come near each other.",
+        "mapping m = raytrace from arc onto top moving with u within 0.01",
+        "mapping m = raytrace from arc onto top moving with u within 0.3",
+    ),
+    page(
         "W640",
         "an equilibrium that is not stable",
         "The step ended in a state in which all forces balance, but the energy is no minimum there: the tangent has negative \

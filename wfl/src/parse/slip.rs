@@ -287,6 +287,7 @@ fn contextual(rule: Rule) -> &'static [&'static str] {
         Rule::k_as => &["as"],
         Rule::k_along | Rule::along | Rule::surface | Rule::refine_along => &["along"],
         Rule::k_towards => &["towards"],
+        Rule::k_moving | Rule::map_moving => &["moving"],
         Rule::k_times | Rule::refine_times => &["times"],
         Rule::k_every | Rule::every => &["every"],
         Rule::k_when | Rule::when => &["when"],

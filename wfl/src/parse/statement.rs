@@ -98,6 +98,7 @@ const TOKENS: &[Rule] = {
         R::k_as,
         R::k_along,
         R::k_towards,
+        R::k_moving,
         R::k_within,
         R::k_degree,
         R::k_every,
@@ -337,6 +338,7 @@ impl Reader<'_> {
             raytrace: p.next().as_str() == "raytrace",
             from: self.ident(&p.next()),
             onto: self.ident(&p.next()),
+            moving: p.take(Rule::map_moving).map(|m| self.idents(&self.parts(m))).unwrap_or_default(),
             within: p.take(Rule::expr).map(|e| self.value(e)).transpose()?,
         })
     }

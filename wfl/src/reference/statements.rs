@@ -128,6 +128,14 @@ pub(super) const ROWS: &[StatementRow] = &[
     },
     StatementRow {
         word: "mapping",
+        usage: "`mapping m = raytrace from r onto s moving with u[, u2] [within d]`",
+        meaning: "the same in each state of the bodies: from `X + u` along the current normal of `r` to the current faces \
+                  `s`, the nearest within `d` of either sign; `u` and `u2` are the displacements behind `r` and behind `s` \
+                  (`docs/sliding.md`)",
+        default: "one displacement for both sides",
+    },
+    StatementRow {
+        word: "mapping",
         usage: "`mapping m = point expr`",
         meaning: "maps to the point with these coordinates",
         default: "",

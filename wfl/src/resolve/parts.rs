@@ -1,6 +1,6 @@
 //! The parts of statements with their macros expanded and their names checked.
 
-use super::Resolver;
+use super::{Resolver, names::Kind};
 use crate::{
     ast::{BoxDivision, Domain, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionItem, OptionValue, Place, Rank},
     ast::{Refine, RegionExpr, Space},
@@ -72,10 +72,11 @@ impl Resolver<'_> {
     pub(super) fn mapping(&mut self, kind: &MappingKind) -> Option<MappingKind> {
         Some(match kind {
             MappingKind::Point(e) => MappingKind::Point(self.expr(e)?),
-            MappingKind::Search { raytrace, from, onto, within } => {
+            MappingKind::Search { raytrace, from, onto, moving, within } => {
                 let (from, onto) = (self.place(from, false), self.place(onto, false));
                 let within = self.optional(within.as_ref())?;
-                MappingKind::Search { raytrace: *raytrace, from: from?, onto: onto?, within }
+                self.all_fields(moving, "a mapping moves with unknown displacements", |k| k == Kind::Unknown)?;
+                MappingKind::Search { raytrace: *raytrace, from: from?, onto: onto?, moving: moving.clone(), within }
             }
         })
     }

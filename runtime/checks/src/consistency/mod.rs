@@ -137,7 +137,7 @@ pub fn contact_forms(system: &System, contact: &Contact) -> Vec<ContactForm> {
     let mut forms: Vec<ContactForm> = Vec::new();
     let mut seen: Vec<usize> = Vec::new();
     for piece in contact.terms() {
-        if piece.on_cells() || seen.contains(&piece.term) || !closes(piece) || !piece.pushes(system) {
+        if piece.on_cells() || piece.moves() || seen.contains(&piece.term) || !closes(piece) || !piece.pushes(system) {
             continue;
         }
         let mut found: Option<ContactForm> = None;

@@ -118,6 +118,18 @@ const PUSHED: &str = "mesh box [0,-1] to [1,1] cells [4,8] quad\nparam push = 0.
     term contact on face : 1e5*pos_part(over)*((Test_u - Interpolate(Test_v, neighbor_element)).Normal)\n\
     fix u = [push*t, -0.001] on top\nfix v = [0,0] on base\nsteps t = 0 to 1 by 0.5\n";
 
+/// A block that is pushed along another one, and over its edge.
+const OVER_THE_EDGE: &str = "mesh box [0,0] to [4,2] cells [4,2] quad with idle_cells=allowed\nparam push = 1.5\n\
+    region low = cells where y < 1\nregion up = cells where y > 1 and x > 2\nregion sole = faces of up where y == 1\n\
+    region floor = faces of low where y == 1\nregion base = faces where y == 0\nregion top = faces of up where y == 2\n\
+    unknown u : vector on up\nunknown v : vector on low\n\
+    def P(g) = 0.4*((Id(2) + g) - Inv(Id(2) + g)') + 0.5*log(Det(Id(2) + g))*Inv(Id(2) + g)'\n\
+    term a on up : P(Grad_u):Grad_Test_u\nterm b on low : P(Grad_v):Grad_Test_v\n\
+    mapping m = raytrace from sole onto floor moving with u, v within 0.3\n\
+    def n = Transformed_unit_vector(Grad_u, Normal)\ndef gap = (Interpolate(X, m) + Interpolate(v, m) - X - u).n\n\
+    term contact on sole : 20*pos_part(-gap)*(n.(Test_u - Interpolate(Test_v, m)))\n\
+    fix u = [push*max(0, t - 1), -0.02*min(t, 1)] on top\nfix v = [0,0] on base\nsteps t = 0 to 2 by 0.5\n";
+
 /// A square whose shear stress is that of twice the shear: C11 - C12 = 4.
 const SHEARED: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\nregion west = faces where x == 0\n\
     region east = faces where x == 1\nunknown u : vector\ndef s(g) = 4*(g(1,2) + g(2,1))\n\
@@ -266,6 +278,7 @@ fn warnings() -> Vec<Pair> {
              state s : vector on floor := Previous_s + (Pt - q)/gamma",
         ),
         Pair::new("W631", PUSHED).near("push = 0.6", "push = 0.2"),
+        Pair::new("W632", OVER_THE_EDGE).near("push = 1.5", "push = 0.2"),
         Pair::new(
             "W621",
             "mesh box [0] to [1] cells [4] segment\nregion wall = faces where x == 0\nunknown u : scalar\n\

@@ -2,7 +2,10 @@
 //!
 //! Made once per term; everything that evaluation needs per batch is looked up here.
 
-use std::collections::BTreeMap;
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 use wfl_compiler::{
     ir::LANES,
@@ -12,9 +15,12 @@ use wfl_compiler::{
 use crate::domain::{Domain, Group};
 use crate::{
     assemble::simd::Lanes,
-    field::{Field, FieldError},
+    field::{Field, FieldError, FieldSpace},
 };
-use wfl_mesh::{element::Table, mesh::Mesh};
+use wfl_mesh::{
+    element::Table,
+    mesh::{FacetRef, Mesh},
+};
 
 /// A field on one side of a group: its basis at the points and its nodes in each entity.
 #[derive(Clone, Debug)]
@@ -194,6 +200,74 @@ pub struct Binding {
     pub groups: Vec<GroupBinding>,
     /// What all inputs and slots together need.
     pub needs: Needs,
+    /// What binds the law again where the images of its points follow the bodies.
+    moving: Option<Arc<Rebinding>>,
+}
+
+/// A law on points whose images move, and where it was bound last.
+#[derive(Debug)]
+struct Rebinding {
+    fields: Vec<Field>,
+    inputs: Vec<InputSlot>,
+    tests: Vec<BasisSlot>,
+    trials: Vec<BasisSlot>,
+    last: Mutex<Option<Integrator>>,
+}
+
+/// A law on a domain, callable.
+#[derive(Clone, Debug)]
+pub struct Integrator {
+    /// Where.
+    pub domain: Arc<Domain>,
+    /// Slots and tables.
+    pub binding: Arc<Binding>,
+}
+
+impl Integrator {
+    /// The same with the images at these values of all fields; itself where images stay. It is one and the same for the
+    /// same displacements until others are asked for.
+    ///
+    /// # Panics
+    /// Where a field that lives behind all faces does not live behind the one of an image.
+    #[must_use]
+    pub fn at(&self, mesh: &Mesh, current: &[&[f64]]) -> Self {
+        let (Some(points), Some(of)) = (&self.domain.moving, &self.binding.moving) else { return self.clone() };
+        let domain = points.at(mesh, current);
+        let last = || of.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(made) = last().as_ref().filter(|made| Arc::ptr_eq(&made.domain, &domain)) {
+            return made.clone();
+        }
+        let slots = LawSlots { inputs: &of.inputs, tests: &of.tests, trials: &of.trials };
+        let binding = Binding::fixed(mesh, &domain, &of.fields, slots).expect("fields live behind all faces");
+        let made = Self { domain, binding: Arc::new(binding) };
+        *last() = Some(made.clone());
+        made
+    }
+
+    /// True where the images of the points follow the bodies.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        self.binding.moving.is_some()
+    }
+
+    /// By face that images may lie on: what the fields of the law have behind it, as pairs of a field and its nodes there.
+    pub(super) fn behind_targets(&self) -> Vec<Vec<(usize, Vec<u32>)>> {
+        let (Some(points), Some(of)) = (&self.domain.moving, &self.binding.moving) else { return Vec::new() };
+        let bases = self.binding.groups.first().map_or(&[][..], |g| &g.bases);
+        let there: Vec<usize> = bases.iter().filter(|b| b.side == Side::There).map(|b| b.field.index()).collect();
+        let behind = |facet: FacetRef| {
+            let nodes = |k: &usize| match &of.fields[*k].space {
+                FieldSpace::Nodal(space) => {
+                    let position = space.position_of_cell(facet.cell);
+                    position.map_or_else(Vec::new, |position| space.entity_nodes(position).to_vec())
+                }
+                FieldSpace::Global => vec![0],
+                FieldSpace::Points(_) => Vec::new(),
+            };
+            there.iter().map(|k| (*k, nodes(k))).collect()
+        };
+        points.targets().map(behind).collect()
+    }
 }
 
 /// What a law reads and multiplies.
@@ -213,6 +287,21 @@ impl Binding {
     /// # Errors
     /// [`FieldError`] when a field has no dofs on an entity of the domain.
     pub fn new(mesh: &Mesh, domain: &Domain, fields: &[Field], law: LawSlots<'_>) -> Result<Self, FieldError> {
+        let mut made = Self::fixed(mesh, domain, fields, law)?;
+        made.moving = domain.moving.as_ref().map(|_| {
+            Arc::new(Rebinding {
+                fields: fields.to_vec(),
+                inputs: law.inputs.to_vec(),
+                tests: law.tests.to_vec(),
+                trials: law.trials.to_vec(),
+                last: Mutex::default(),
+            })
+        });
+        Ok(made)
+    }
+
+    /// The same with the images as they are.
+    fn fixed(mesh: &Mesh, domain: &Domain, fields: &[Field], law: LawSlots<'_>) -> Result<Self, FieldError> {
         let mut pairs: BTreeMap<(FieldId, Side), usize> = BTreeMap::new();
         let mut note = |slot: &BasisSlot| {
             let order = pairs.entry((slot.field, slot.side)).or_default();
@@ -258,7 +347,7 @@ impl Binding {
         }
         let tests = law.tests.iter().map(place).collect();
         let trials = law.trials.iter().map(place).collect();
-        let mut binding = Self { inputs, tests, trials, groups, needs: Needs::default() };
+        let mut binding = Self { inputs, tests, trials, groups, needs: Needs::default(), moving: None };
         binding.needs = binding.needs_of(pairs.len(), |_| true, true, true);
         Ok(binding)
     }

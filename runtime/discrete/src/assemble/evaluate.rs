@@ -351,7 +351,12 @@ impl Points<'_> {
         let of = |side: Side| if side == Side::There && two_sided { &w.there } else { &w.here };
         match slot {
             InputSlot::X(k) => w.here.x[usize::from(k)],
-            InputSlot::ImageX(k) => of(Side::There).x[usize::from(k)],
+            InputSlot::ImageX(k) => match self.group.motion.and_then(|motion| motion.stand_in) {
+                Some(place) => Lanes([place[usize::from(k)]; LANES]),
+                None => of(Side::There).x[usize::from(k)],
+            },
+            InputSlot::ImageShift(e) => Lanes([self.group.motion.map_or(0.0, |m| m.shift[usize::from(e)]); LANES]),
+            InputSlot::ImageSlope(e) => Lanes([self.group.motion.map_or(0.0, |m| m.slope[usize::from(e)]); LANES]),
             InputSlot::ElementSize(side) => w.sizes[usize::from(side == Side::There && two_sided)],
             // entry i + dim * j of K = dx_i/dxi_j; of B = K^-T, so B_ij = inverse_ji
             InputSlot::ElementK(side, e) => of(side).jacobian[usize::from(e) % dim][usize::from(e) / dim],

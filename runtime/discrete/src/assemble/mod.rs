@@ -19,14 +19,14 @@ mod simd;
 mod strips;
 mod term;
 
-pub use crate::domain::{Domain, Group, GroupSide, Over, Places, entity_geometries};
-pub use binding::{Basis, Binding, GroupBinding, Input, LawSlots, Needs, SlotPlace};
+pub use crate::domain::{Domain, Follows, Group, GroupSide, MovingPoints, Over, Places, entity_geometries};
+pub use binding::{Basis, Binding, GroupBinding, Input, Integrator, LawSlots, Needs, SlotPlace};
 pub use branches::BranchCounts;
 pub use entries::tangent_kernel;
 pub use evaluate::{Bound, FieldValues, Workspace};
 pub use simd::Lanes;
 pub use term::{
-    AssembledTerm, Integrator, NonFinitePlace, TermError,
+    AssembledTerm, NonFinitePlace, TermError,
     gradients::{AskedGradients, Gradient, NegativeVolumes, StressAt, VolumeLimit},
     local::PointTangent,
 };

@@ -6,6 +6,8 @@
 
 pub(super) mod gradients;
 pub(super) mod local;
+mod moving;
+mod states;
 mod summands;
 mod work;
 
@@ -16,7 +18,7 @@ use std::sync::{
 
 use thiserror::Error;
 use wfl_compiler::{
-    Kink, KinkKind, NonFinite, TermLaw,
+    Kink, NonFinite, TermLaw,
     backend::PointKernel,
     first_non_finite,
     ir::{Inst, LANES, VerifiedKernel},
@@ -24,10 +26,10 @@ use wfl_compiler::{
     types::FieldId,
 };
 
-use crate::domain::{Domain, Over};
+use crate::domain::Over;
 use crate::{
     assemble::{
-        binding::{Binding, GroupBinding, Needs},
+        binding::{GroupBinding, Integrator, Needs},
         branches::{BranchCounts, mixed},
         contract::{self, TangentPlan},
         entries::{Entries, inputs_behind},
@@ -41,6 +43,7 @@ use crate::{
     prologue::{StepAt, step_slots},
     share::Share,
 };
+use moving::Moving;
 use summands::Summands;
 use wfl_host::team::{Alone, Team};
 use wfl_mesh::mesh::{Mesh, SupportSet};
@@ -73,15 +76,6 @@ pub enum TermError {
     State(Box<BadState>),
 }
 
-/// A law on a domain, callable.
-#[derive(Clone)]
-pub struct Integrator {
-    /// Where.
-    pub domain: Arc<Domain>,
-    /// Slots and tables.
-    pub binding: Arc<Binding>,
-}
-
 /// A term ready to be assembled at one step. A copy shares law, code, tables and places.
 pub struct AssembledTerm {
     /// The compiled law.
@@ -109,6 +103,8 @@ pub struct AssembledTerm {
     /// Of all rows, and of those of a rank.
     kept: [Mutex<Kept>; 2],
     workspaces: Mutex<Vec<Workspace>>,
+    /// Where the images of its points follow the bodies.
+    moving: Option<Moving>,
 }
 
 /// Dofs of a group, `[entity][local dof]`: node after node, its components one after the other. `starts` are the first
@@ -159,7 +155,9 @@ impl AssembledTerm {
         let tangent_needs = binding.needs_of(n_bases, |k| read[k], true, true);
         let plans: Vec<TangentPlan> =
             (0..binding.groups.len()).map(|g| TangentPlan::new(binding, g, &entries)).collect();
+        let moving = integrator.moves().then(|| Moving::new(starts));
         Self {
+            moving,
             entries: Arc::new(entries),
             residual_needs,
             tangent_needs,
@@ -184,6 +182,14 @@ impl AssembledTerm {
     pub fn set_step(&mut self, step: impl Into<StepAt>) {
         self.step = step_slots(&self.law.prologue, step.into());
         self.uniforms = run_prologue(&self.law.prologue, &self.step);
+        self.forget_images();
+    }
+
+    /// Forgets the term at the last state.
+    fn forget_images(&mut self) {
+        if let Some(moving) = &mut self.moving {
+            moving.forget();
+        }
     }
 
     /// Numbers of the law that are the same at all points, at the present step.
@@ -201,6 +207,7 @@ impl AssembledTerm {
     #[must_use]
     pub fn dofs(&self) -> Vec<u32> {
         let mut all: Vec<u32> = self.dofs.iter().flatten().copied().filter(|d| *d != NONE).collect();
+        all.extend(self.dofs_behind_targets().into_iter().flatten());
         all.sort_unstable();
         all.dedup();
         all
@@ -216,6 +223,9 @@ impl AssembledTerm {
     pub fn add_own_diagonal(&self, mesh: &Mesh, values: FieldValues<'_>, diagonal: &mut [f64], share: Option<&Share>) {
         if self.entries.list.is_empty() {
             return;
+        }
+        if let Some(moved) = self.moved(mesh, values) {
+            return moved.add_own_diagonal(mesh, values, diagonal, share);
         }
         let diagonal = shared(diagonal);
         self.share_out(mesh, share, |workspace, duties, owns| {
@@ -244,6 +254,9 @@ impl AssembledTerm {
     /// Calls `f` with the global dofs of each entity that are tested, and those that the tangent depends on, for the
     /// matrix pattern; once for each group of nodes that nothing couples with the others.
     pub fn for_each_entity(&self, mut f: impl FnMut(&[u32], &[u32])) {
+        if self.moving.is_some() {
+            return self.for_each_possible(&mut f);
+        }
         let (mut rows, mut columns) = (Vec::new(), Vec::new());
         for (g, binding) in self.integrator.binding.groups.iter().enumerate() {
             let n = binding.n_dofs();
@@ -270,20 +283,18 @@ impl AssembledTerm {
     pub fn locate_own(&mut self, pattern: &Arc<Pattern>, free: &[u32], share: Option<&Arc<Share>>) {
         self.located = Some(Arc::new(Located { pattern: pattern.clone(), rows: free.to_vec(), share: share.cloned() }));
         self.forget_places();
-        let owns = |dof: u32| share.is_none_or(|share| share.owns(dof as usize));
-        let place = |g: usize| {
-            let (binding, plan) = (&self.integrator.binding.groups[g], &self.plans[g]);
-            let mut scatter = Scatter::new(binding, &plan.sources, plan.n_local);
-            scatter.locate(binding.n_dofs(), &self.dofs[g], pattern, free, owns);
-            scatter
-        };
-        self.scatters = Arc::new((0..self.dofs.len()).map(place).collect());
+        self.forget_images();
+        self.scatters = Arc::default();
+        if self.moving.is_none() {
+            self.place();
+        }
     }
 
     /// Forgets what [`Self::locate`] found: for terms that are assembled once.
     pub fn forget(&mut self) {
         self.scatters = Arc::default();
         self.located = None;
+        self.forget_images();
         self.forget_places();
     }
 
@@ -338,6 +349,9 @@ impl AssembledTerm {
         target: (&mut [f64], &mut BranchCounts),
         share: Option<&Share>,
     ) -> Result<(), TermError> {
+        if let Some(moved) = self.moved(mesh, values) {
+            return moved.add_to(mesh, values, target, share);
+        }
         let (out, branches) = target;
         let n_entities = if self.contact_kink().is_some() { self.integrator.domain.n_entities } else { 0 };
         let mut by_entity = std::mem::take(&mut branches.by_entity);
@@ -445,6 +459,9 @@ impl AssembledTerm {
             }
             return Ok(());
         }
+        if let Some(moved) = self.moved_in_matrix(mesh, values) {
+            return moved.tangent_into(mesh, values, matrix, is_new);
+        }
         let located = self.located.as_ref().expect("a pattern before the tangent");
         let share = located.share.as_deref();
         let (shares, rows, halves) = self.shared_rows(mesh, located, is_new);
@@ -534,7 +551,8 @@ impl AssembledTerm {
                 }
             }
             if contact.is_some() {
-                by_entity[place].store(state, Ordering::Relaxed);
+                // where images are in several cells the points of an entity are in several groups
+                by_entity[place].fetch_add(state, Ordering::Relaxed);
             }
         }
     }
@@ -545,43 +563,5 @@ impl AssembledTerm {
             Inst::Uniform(_) => first_non_finite(&self.law.prologue.kernel, &self.step, &[]).unwrap_or(found),
             _ => found,
         }
-    }
-
-    /// The friction kink if there is one, else the first selection.
-    fn contact_kink(&self) -> Option<usize> {
-        let ball = self.law.kinks.iter().position(|k| k.kind == KinkKind::Ball);
-        ball.or(if self.law.kinks.is_empty() { None } else { Some(0) })
-    }
-
-    fn has_friction(&self) -> bool {
-        self.law.kinks.iter().any(|k| k.kind == KinkKind::Ball)
-    }
-
-    /// Points open, slipping, sticking at the friction kink; without friction open and in contact (counted as stick).
-    /// `branches` are those of a residual of this term.
-    #[must_use]
-    pub fn contact_counts(&self, branches: &BranchCounts) -> Option<[usize; 3]> {
-        let [zero, one, two] = *branches.kinks.get(self.contact_kink()?)?;
-        Some(if self.has_friction() { [zero, one, two] } else { [zero, 0, one + two] })
-    }
-
-    /// By entity of the region: the state of most of its points, 0 open, 1 slip, 2 stick (or contact); `None` without
-    /// a kink. Of a tie the higher one. `branches` are those of a residual of this term.
-    #[must_use]
-    pub fn contact_states(&self, branches: &BranchCounts) -> Option<Vec<f64>> {
-        self.contact_kink()?;
-        let friction = self.has_friction();
-        let state = |packed: &u64| {
-            let [zero, one, two] = [0, 16, 32].map(|shift| (packed >> shift) & 0xffff);
-            let [zero, one, two] = if friction { [zero, one, two] } else { [zero, 0, one + two] };
-            if two >= one && two >= zero {
-                2.0
-            } else if one >= zero {
-                1.0
-            } else {
-                0.0
-            }
-        };
-        Some(branches.by_entity.iter().map(state).collect())
     }
 }

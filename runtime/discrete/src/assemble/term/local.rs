@@ -67,6 +67,9 @@ impl AssembledTerm {
         if self.entries.list.is_empty() {
             return None;
         }
+        if let Some(moved) = self.moved(mesh, values) {
+            return moved.local_tangent(mesh, values, wanted);
+        }
         let place =
             |(g, group): (usize, &Group)| (0..group.entities.len()).find(|e| wanted(&group.here, *e)).map(|e| (g, e));
         let (g, entity) = self.integrator.domain.groups.iter().enumerate().find_map(place)?;
@@ -91,6 +94,9 @@ impl AssembledTerm {
     /// The tangent at the first point of a cell. `None` if the term does not act there.
     #[must_use]
     pub fn point_tangent(&self, mesh: &Mesh, values: FieldValues<'_>, cell: CellId) -> Option<PointTangent> {
+        if let Some(moved) = self.moved(mesh, values) {
+            return moved.point_tangent(mesh, values, cell);
+        }
         let place = |(g, group): (usize, &Group)| group.here.cells.iter().position(|c| *c == cell).map(|e| (g, e));
         let (g, entity) = self.integrator.domain.groups.iter().enumerate().find_map(place)?;
         let (mut workspace, n_in) = (Workspace::default(), self.integrator.binding.inputs.len());
@@ -108,6 +114,9 @@ impl AssembledTerm {
 
     /// Calls `f(fluxes by test slot, weight)` at every point, in the order of groups, entities and points.
     pub fn for_each_flux(&self, mesh: &Mesh, values: FieldValues<'_>, mut f: impl FnMut(&[f64], f64)) {
+        if let Some(moved) = self.moved(mesh, values) {
+            return moved.for_each_flux(mesh, values, f);
+        }
         let (n_in, n_out) = (self.integrator.binding.inputs.len(), self.law.residual.kernel().outputs.len());
         let mut workspace = Workspace::default();
         let (mut scratch, mut flux) = (Vec::new(), vec![0.0; self.law.tests.len()]);
@@ -138,6 +147,9 @@ impl AssembledTerm {
         is_wanted: impl Fn(usize) -> bool,
         replace: impl Fn(usize, &InputSlot, f64) -> f64,
     ) -> Vec<Vec<f64>> {
+        if let Some(moved) = self.moved(mesh, values) {
+            return moved.fluxes_with(mesh, values, is_wanted, replace);
+        }
         let n_tests = self.law.tests.len();
         let mut out = vec![0.0; self.law.residual.kernel().outputs.len()];
         let (mut scratch, mut found, mut next) = (Vec::new(), Vec::new(), 0);

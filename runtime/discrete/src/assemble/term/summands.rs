@@ -40,6 +40,9 @@ impl AssembledTerm {
     /// Adds the sizes of the summands to `out`, by dof, in the rows of this rank. Nothing for a law that has none.
     pub fn add_own_summands(&self, mesh: &Mesh, values: FieldValues<'_>, out: &mut [f64], share: Option<&Share>) {
         let Some(Summands { kernel, needs }) = self.summands.as_deref() else { return };
+        if let Some(moved) = self.moved(mesh, values) {
+            return moved.add_own_summands(mesh, values, out, share);
+        }
         let binding = &self.integrator.binding;
         let n_out = binding.tests.len();
         let out = shared(out);

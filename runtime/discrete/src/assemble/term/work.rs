@@ -64,6 +64,7 @@ impl Clone for AssembledTerm {
             located: self.located.clone(),
             kept: [kept(0), kept(1)],
             workspaces: Mutex::default(),
+            moving: self.moving.clone(),
         }
     }
 }

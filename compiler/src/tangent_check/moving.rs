@@ -1,0 +1,92 @@
+//! Tangents through a mapping that moves are exact, and no part of their formulas can be left out.
+
+use super::*;
+use crate::{
+    build::Env,
+    image::mutants::{PARTS, without},
+    interp::InterpreterBackend,
+    term::{TermSource, compile_term},
+    types::{FieldKind, FieldSig, MappingSig, Moves, PlaceKind, PlaceSig, Shape},
+};
+use wfl::{SourceMap, ast::Expansions, parse_expr};
+
+const CURRENT: &str = "Transformed_unit_vector(Grad_u, Normal)";
+const GAP: &str = "((Interpolate(X, m) + Interpolate(u, m) - X - u).Transformed_unit_vector(Grad_u, Normal))";
+/// What a law of penalty with friction reads, and a law that reads gradients and normals of the other body.
+const LAWS: [&str; 3] = [
+    "(9*pos_part(-GAP)*CURRENT + Interpolate(g, m)*(u - Previous_u - Interpolate(u, m) + Interpolate(Previous_u, m)))\
+     .(Test_u - Interpolate(Test_u, m))",
+    "(Interpolate(Grad_u, m)*Interpolate(Normal, m)).Test_u + GAP*(Interpolate(Grad_u, m):Interpolate(Grad_Test_u, m))",
+    "(pos_part(9*GAP - (Grad_u*Normal).CURRENT)*CURRENT).(Test_u - Interpolate(Test_u, m))",
+];
+
+/// A law on faces of a body in space of dimension `dim`, with an unknown `u` and data `g` on both sides of a mapping.
+fn law(text: &str, dim: usize) -> TermLaw {
+    let sig = |name: &str, shape, kind| FieldSig { name: name.to_owned(), shape, degree: 2, kind, global: false };
+    let fields = [sig("u", Shape::vector(dim), FieldKind::Unknown), sig("g", Shape::SCALAR, FieldKind::Data)];
+    let place = PlaceSig {
+        name: "here".to_owned(),
+        kind: PlaceKind::Facets,
+        here: vec![true; 2],
+        there: vec![false; 2],
+        entities: Vec::new(),
+        description: "a place".to_owned(),
+        here_name: None,
+        inside: false,
+    };
+    let u = FieldId::new(0);
+    let mapping = MappingSig {
+        name: "m".to_owned(),
+        there: vec![true; 2],
+        has_normal: true,
+        moves: Some(Moves { here: u, there: u }),
+        description: "a mapping".to_owned(),
+    };
+    let env = Env {
+        dim,
+        fields: &fields,
+        mappings: &[mapping],
+        params: &BTreeMap::new(),
+        expansions: &Expansions::default(),
+        step_variable: Some("s"),
+        rates: &[],
+        tables: &[],
+        equal_within: 0.0,
+    };
+    let text = text.replace("GAP", GAP).replace("CURRENT", CURRENT);
+    let mut sources = SourceMap::new();
+    let id = sources.add("law", text);
+    let expr = parse_expr(&sources, id).value.unwrap();
+    let compiled = compile_term(&env, &place, "law", TermSource::Residual(&expr));
+    compiled.value.unwrap_or_else(|| panic!("{:?}", compiled.diagnostics))
+}
+
+fn error(law: &TermLaw) -> f64 {
+    let sampling = TangentSampling { samples: 12, ..TangentSampling::default() };
+    check_tangent(law, &sampling, &InterpreterBackend).unwrap().unwrap().error()
+}
+
+#[test]
+fn tangents_through_images_that_move_are_exact() {
+    for dim in [2, 3] {
+        for text in LAWS {
+            let found = error(&law(text, dim));
+            assert!(found < 1e-11, "{found} in {dim}-D: {text}");
+        }
+    }
+}
+
+#[test]
+fn no_part_of_the_shift_and_of_what_it_moves_can_be_left_out() {
+    for part in PARTS {
+        // with all parts the errors are below 1e-11, as the other test says
+        let worst = LAWS.iter().map(|text| error(&without(Some(part), || law(text, 3)))).fold(0.0, f64::max);
+        assert!(worst > 1e-2, "without {part} the error is {worst}");
+    }
+}
+
+#[test]
+fn a_term_through_images_that_move_is_not_linear() {
+    let found = law("Interpolate(g, m)*(CURRENT.Interpolate(Test_u, m))", 2);
+    assert_eq!((found.class, found.symmetric), (crate::law::Class::Nonlinear, false));
+}

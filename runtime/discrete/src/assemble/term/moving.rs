@@ -1,0 +1,138 @@
+//! A term whose images follow the bodies: for each state a term of its own with the images found there.
+//!
+//! Law, code, points and their order stay; images, tables and places are those of the state. Promises: the same images for
+//! the residual and the tangent of a state, whatever was assembled before; a matrix pattern that holds every image. It
+//! couples each face with all faces that images may lie on, so that no state leaves it.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::{AssembledTerm, local_dofs};
+use crate::assemble::{contract::TangentPlan, evaluate::FieldValues, scatter::Scatter};
+use wfl_compiler::types::Side;
+use wfl_mesh::mesh::Mesh;
+use wfl_sparse::index::NONE;
+
+/// What a term whose images move keeps.
+pub(super) struct Moving {
+    /// First dofs of the fields.
+    starts: Vec<Option<usize>>,
+    /// The term at the last state; its places in the matrix once a tangent was asked for.
+    last: Mutex<Option<Arc<AssembledTerm>>>,
+}
+
+/// A copy finds its own images.
+impl Clone for Moving {
+    fn clone(&self) -> Self {
+        Self::new(&self.starts)
+    }
+}
+
+impl Moving {
+    pub(super) fn new(starts: &[Option<usize>]) -> Self {
+        Self { starts: starts.to_vec(), last: Mutex::default() }
+    }
+
+    pub(super) fn forget(&mut self) {
+        self.last = Mutex::default();
+    }
+}
+
+impl AssembledTerm {
+    /// The term with the images of a state, to be evaluated; `None` where images stay.
+    pub(super) fn moved(&self, mesh: &Mesh, values: FieldValues<'_>) -> Option<Arc<Self>> {
+        let moving = self.moving.as_ref()?;
+        let integrator = self.integrator.at(mesh, values.current);
+        let last = || moving.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = last().as_ref().filter(|k| Arc::ptr_eq(&k.integrator.binding, &integrator.binding)) {
+            return Some(Arc::clone(known));
+        }
+        let groups = integrator.binding.groups.iter().zip(&integrator.domain.groups);
+        let dofs = groups.map(|(binding, group)| local_dofs(binding, group.entities.len(), &moving.starts)).collect();
+        let plan = |g: usize| TangentPlan::new(&integrator.binding, g, &self.entries);
+        let plans: Vec<TangentPlan> = (0..integrator.binding.groups.len()).map(plan).collect();
+        let made = Arc::new(Self {
+            dofs: Arc::new(dofs),
+            plans: Arc::new(plans),
+            integrator,
+            scatters: Arc::default(),
+            kept: Default::default(),
+            moving: None,
+            ..self.clone()
+        });
+        *last() = Some(Arc::clone(&made));
+        Some(made)
+    }
+
+    /// The same with its places in the matrix.
+    pub(super) fn moved_in_matrix(&self, mesh: &Mesh, values: FieldValues<'_>) -> Option<Arc<Self>> {
+        let moved = self.moved(mesh, values)?;
+        if moved.located.is_none() || !moved.scatters.is_empty() {
+            return Some(moved);
+        }
+        let mut placed = (*moved).clone();
+        placed.place();
+        let placed = Arc::new(placed);
+        if let Some(moving) = &self.moving {
+            *moving.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&placed));
+        }
+        Some(placed)
+    }
+
+    /// Finds the places of all groups in the located pattern.
+    pub(super) fn place(&mut self) {
+        let Some(located) = self.located.clone() else { return };
+        let owns = |dof: u32| located.share.as_ref().is_none_or(|share| share.owns(dof as usize));
+        let place = |g: usize| {
+            let (binding, plan) = (&self.integrator.binding.groups[g], &self.plans[g]);
+            let mut scatter = Scatter::new(binding, &plan.sources, plan.n_local);
+            scatter.locate(binding.n_dofs(), &self.dofs[g], &located.pattern, &located.rows, owns);
+            scatter
+        };
+        self.scatters = Arc::new((0..self.dofs.len()).map(place).collect());
+    }
+
+    /// The sorted dofs behind each face that images may lie on.
+    pub(super) fn dofs_behind_targets(&self) -> Vec<Vec<u32>> {
+        let Some(moving) = &self.moving else { return Vec::new() };
+        let components = |field: usize| {
+            let bases = self.integrator.binding.groups.iter().flat_map(|g| &g.bases);
+            bases.into_iter().find(|b| b.field.index() == field).map_or(1, |b| b.n_components)
+        };
+        let dofs = |behind: Vec<(usize, Vec<u32>)>| {
+            let mut found: Vec<u32> = Vec::new();
+            for (field, nodes) in behind {
+                let (Some(start), n) = (moving.starts[field], components(field)) else { continue };
+                let of = |node: u32| (0..n).map(move |c| start + node as usize * n + c);
+                let own = nodes.into_iter().flat_map(of);
+                found.extend(own.map(|dof| u32::try_from(dof).expect("fewer than 2^32 dofs")));
+            }
+            found.sort_unstable();
+            found.dedup();
+            found
+        };
+        self.integrator.behind_targets().into_iter().map(dofs).collect()
+    }
+
+    /// Calls `f` with dofs that the tangent may couple at some state: rows, columns.
+    pub(super) fn for_each_possible(&self, f: &mut impl FnMut(&[u32], &[u32])) {
+        let behind = self.dofs_behind_targets();
+        let mut all: Vec<u32> = behind.concat();
+        all.sort_unstable();
+        all.dedup();
+        behind.iter().for_each(|dofs| f(dofs, dofs));
+        let mut last: Option<(usize, Vec<u32>)> = None;
+        let groups = self.integrator.domain.groups.iter().zip(&self.integrator.binding.groups);
+        for ((group, binding), dofs) in groups.zip(self.dofs.iter()) {
+            let here = binding.bases.iter().filter(|b| b.side == Side::Here);
+            let locals = here.flat_map(|b| b.offset..b.offset + b.n_dofs());
+            let own: Vec<u32> = locals.map(|k| dofs[k]).filter(|dof| *dof != NONE).collect();
+            if last.as_ref().is_some_and(|(entity, known)| *entity == group.entities[0] && *known == own) {
+                continue;
+            }
+            let columns = [own.as_slice(), &all].concat();
+            f(&own, &columns);
+            f(&all, &own);
+            last = Some((group.entities[0], own));
+        }
+    }
+}

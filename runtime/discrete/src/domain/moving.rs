@@ -1,0 +1,243 @@
+//! The points of a place whose images move with two bodies.
+//!
+//! The points stay where they are and keep their order, that of the place without the mapping: each is a group of its own.
+//! What moves is found from the displacements alone, for each state anew: the ray from the current position of a point along
+//! its current normal, its hit on the current faces, and how the hit shifts. A point whose ray meets nothing has the weight
+//! zero; its law reads an image far ahead along the normal, so that it is open.
+//!
+//! Promises: the same images for the same displacements, whatever was asked before. Does not know laws.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+use super::{
+    Domain, Group, GroupSide,
+    rays::{Bounds, Hit, Ray, Targets},
+};
+use crate::space::Space;
+use wfl_mesh::{
+    element::Table,
+    mesh::{CellId, FacetRef, Image, Mesh},
+};
+
+/// A displacement that images follow: its field, and where that has its nodes.
+#[derive(Clone, Debug)]
+pub struct Follows {
+    /// Number of the field.
+    pub field: usize,
+    /// Its nodes.
+    pub space: Space,
+}
+
+/// How the image of a point shifts, as laws read it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImageMotion {
+    /// Entries of the symmetric matrix of the shift: row i and column j >= i at `j (j + 1)/2 + i`.
+    pub shift: [f64; 6],
+    /// Derivative of the outward normal along the face: row i, column j at `i + dim j`.
+    pub slope: [f64; 9],
+    /// What stands in for the position of the image where there is none.
+    pub stand_in: Option<[f64; 3]>,
+}
+
+/// A point with what its ray is made of.
+#[derive(Clone, Debug)]
+pub(super) struct Point {
+    /// As a group of one entity and one point, without an image.
+    group: Group,
+    /// The displacement here.
+    pub(super) table: Table,
+    pub(super) nodes: Vec<u32>,
+    /// Position and outward unit normal in the reference placement, and the inverse of the derivatives of the map.
+    x: Vector3<f64>,
+    normal: Vector3<f64>,
+    inverse: Matrix3<f64>,
+}
+
+/// Images by point, and the displacements that they belong to.
+#[derive(Debug)]
+struct Known {
+    here: Vec<f64>,
+    there: Vec<f64>,
+    domain: Arc<Domain>,
+}
+
+/// The points of a place whose images move.
+#[derive(Debug)]
+pub struct MovingPoints {
+    over: super::Over,
+    n_entities: usize,
+    pub(super) points: Vec<Point>,
+    pub(super) here: Follows,
+    pub(super) there: Follows,
+    pub(super) targets: Targets,
+    /// What stands in for an image that is not found: a point of the first face.
+    pub(super) spare: Image,
+    /// How far ahead it is put.
+    ahead: f64,
+    known: Mutex<Option<Known>>,
+}
+
+/// The numbers of a field; none where it has none.
+fn of<'a>(current: &[&'a [f64]], follows: &Follows) -> &'a [f64] {
+    current.get(follows.field).copied().unwrap_or_default()
+}
+
+impl MovingPoints {
+    /// The points of `base`, which is on faces; `onto` are the faces that rays of length `reach` may meet. `None` where a
+    /// displacement does not live behind one of the faces, or where there are none.
+    #[must_use]
+    pub fn new(mesh: &Mesh, base: &Domain, onto: &[FacetRef], bodies: [Follows; 2], reach: f64) -> Option<Self> {
+        let [here, there] = bodies;
+        let first = onto.first()?;
+        let kind = mesh.kind(first.cell);
+        let centre = mesh.facet_kind(*first).reference_centre();
+        let reference = kind.facet_map(usize::from(first.local)).apply(centre);
+        let spare = Image { cell: first.cell, reference, facet: Some(*first) };
+        let mut points = Vec::new();
+        for group in &base.groups {
+            for k in 0..group.entities.len() {
+                for q in 0..group.n_points() {
+                    points.push(point(mesh, group, [k, q], &here.space)?);
+                }
+            }
+        }
+        let targets = Targets::new(mesh, onto, there.space.clone(), reach)?;
+        let (low, high) = mesh.bounds();
+        let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        let ahead = if reach.is_finite() { reach } else { extent };
+        let (over, n_entities) = (base.over, base.n_entities);
+        Some(Self { over, n_entities, points, here, there, targets, spare, ahead, known: Mutex::default() })
+    }
+
+    /// The faces that images may lie on.
+    pub fn targets(&self) -> impl Iterator<Item = FacetRef> + '_ {
+        self.targets.facets()
+    }
+
+    /// The points with their images at these values of all fields.
+    #[must_use]
+    pub fn at(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Arc<Domain> {
+        let (here, there) = (of(current, &self.here), of(current, &self.there));
+        let is_of = |known: &&Known| known.here == here && known.there == there;
+        if let Some(known) = self.known.lock().unwrap_or_else(PoisonError::into_inner).as_ref().filter(is_of) {
+            return Arc::clone(&known.domain);
+        }
+        // not under the lock: who waits for other threads may be given work that asks for images, too
+        let bounds = self.targets.bounds(mesh, there);
+        let group = |point: &Point| self.found(mesh, point, [here, there], &bounds);
+        let groups: Vec<Group> = self.points.par_iter().map(group).collect();
+        let domain = Arc::new(Domain {
+            over: self.over,
+            dim: mesh.dim(),
+            groups,
+            n_entities: self.n_entities,
+            moving: Some(Arc::clone(self)),
+        });
+        let known = Some(Known { here: here.to_vec(), there: there.to_vec(), domain: Arc::clone(&domain) });
+        *self.known.lock().unwrap_or_else(PoisonError::into_inner) = known;
+        domain
+    }
+
+    /// A point with its image.
+    fn found(&self, mesh: &Mesh, point: &Point, [here, there]: [&[f64]; 2], bounds: &[Bounds]) -> Group {
+        let ray = point.ray(mesh.dim(), here);
+        let hit = ray.as_ref().and_then(|ray| self.targets.hit(mesh, there, bounds, ray));
+        let (image, motion, weight) = match hit {
+            Some(Hit { image, shift, slope }) => {
+                (image, ImageMotion { shift, slope, stand_in: None }, point.group.weights[0])
+            }
+            None => (self.spare, self.nowhere(ray.as_ref(), there), 0.0),
+        };
+        let kind = mesh.kind(image.cell);
+        let mut side = GroupSide::new(mesh, kind, vec![image.reference]);
+        side.cells.push(image.cell);
+        side.facets.extend(image.facet);
+        Group {
+            weights: vec![weight],
+            there: Some(side),
+            there_normal: image.facet.map(|facet| kind.facet_normal(usize::from(facet.local))),
+            motion: Some(motion),
+            ..point.group.clone()
+        }
+    }
+
+    /// The image far ahead of a point that has none: its position less the displacement that a law adds to it.
+    fn nowhere(&self, ray: Option<&Ray>, there: &[f64]) -> ImageMotion {
+        let mut place = ray.map_or_else(Vector3::zeros, |ray| ray.x + ray.n * self.ahead);
+        let space = &self.there.space;
+        if let Some(position) = space.position_of_cell(self.spare.cell) {
+            let table = space.element_at(position).tabulate(&[self.spare.reference], 0);
+            let own = displacement(self.points[0].group.here.geometry.dim, &table, space.entity_nodes(position), there);
+            place -= own;
+        }
+        ImageMotion { shift: [0.0; 6], slope: [0.0; 9], stand_in: Some(place.into()) }
+    }
+}
+
+/// The displacement at the first point of a table.
+pub(super) fn displacement(dim: usize, table: &Table, nodes: &[u32], u: &[f64]) -> Vector3<f64> {
+    let mut sum = Vector3::zeros();
+    for (node, value) in nodes.iter().zip(&table.values) {
+        let own = u.get(*node as usize * dim..(*node as usize + 1) * dim).unwrap_or_default();
+        own.iter().enumerate().for_each(|(i, u)| sum[i] += u * value);
+    }
+    sum
+}
+
+/// Point `q` of entity `k` of a group on faces.
+fn point(mesh: &Mesh, group: &Group, [k, q]: [usize; 2], space: &Space) -> Option<Point> {
+    let (dim, cell) = (mesh.dim(), group.here.cells[k]);
+    let reference = group.here.points[q];
+    let mut here = GroupSide::new(mesh, group.here.kind, vec![reference]);
+    here.cells.push(cell);
+    here.facets.extend(group.here.facets.get(k));
+    let single = Group {
+        entities: vec![group.entities[k]],
+        weights: vec![group.weights[q]],
+        parameters: vec![group.parameters[q]],
+        areas: None,
+        here,
+        there: None,
+        there_normal: None,
+        ..group.clone()
+    };
+    let position = space.position_of_cell(cell)?;
+    let rows = mesh.jacobian_at(cell, &single.here.geometry, 0);
+    let padded = |i: usize, j: usize| if i < dim && j < dim { rows[i][j] } else { f64::from(u8::from(i == j)) };
+    Some(Point {
+        table: space.element_at(position).tabulate(&[reference], 1),
+        nodes: space.entity_nodes(position).to_vec(),
+        x: mesh.point_at(cell, &single.here.geometry, 0).into(),
+        normal: single.unit_normal(mesh, 0, 0).into(),
+        inverse: Matrix3::from_fn(padded).try_inverse()?,
+        group: single,
+    })
+}
+
+impl Point {
+    /// The gradient of a displacement.
+    pub(super) fn gradient(&self, dim: usize, u: &[f64]) -> Matrix3<f64> {
+        let mut gradient = Matrix3::<f64>::zeros();
+        for (k, node) in self.nodes.iter().enumerate() {
+            let own = u.get(*node as usize * dim..(*node as usize + 1) * dim).unwrap_or_default();
+            for (i, value) in own.iter().enumerate() {
+                for j in 0..dim {
+                    gradient[(i, j)] += value * self.table.gradients[k * dim + j];
+                }
+            }
+        }
+        gradient * self.inverse
+    }
+
+    /// The ray from the current position along the current normal; `None` where the cell has no volume.
+    pub(super) fn ray(&self, dim: usize, u: &[f64]) -> Option<Ray> {
+        let f: Matrix3<f64> = Matrix3::identity() + self.gradient(dim, u);
+        let n = f.try_inverse()?.transpose() * self.normal;
+        let x = self.x + displacement(dim, &self.table, &self.nodes, u);
+        let cell: CellId = self.group.here.cells[0];
+        Some(Ray { x, n: n.try_normalize(0.0)?, cell })
+    }
+}

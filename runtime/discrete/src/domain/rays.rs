@@ -1,0 +1,399 @@
+//! Rays onto faces of a deformed body: the nearest hit, and how it shifts.
+//!
+//! A face is `y(p) = X(p) + u(X(p))` over its parameters `p`. A ray is `x + g n` with `g` of either sign; hits are solved with
+//! Newton's method for `(p, g)`. Of the faces that the ray meets from the front (`n . n_y < 0`) within `reach` the nearest
+//! one counts, of equally near ones the first: the hit is a function of ray and displacement alone. Edges between faces are
+//! closed by a tolerance, free borders are extended by a small part of a face, so that points of borders that coincide do
+//! not fall beside. Promises: no memory of earlier hits. Does not know where rays come from.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix2, Matrix3, Vector3};
+
+use crate::space::Space;
+use wfl_mesh::{
+    element::Table,
+    mesh::{CellId, CellKind, FacetRef, Image, Mesh},
+};
+
+/// Edges between faces are closed by this part of a face.
+const CLOSED: f64 = 1e-9;
+/// Free borders are extended by this part of a face.
+const EXTENDED: f64 = 1e-3;
+/// Boxes of faces are grown by this part of their diagonal: between its nodes a face of degree 2 or 3 bulges by less.
+const BULGE: f64 = 0.5;
+/// Iterations of a hit; Newton's method takes 2 to 6.
+const ITERATIONS: usize = 30;
+/// A hit is found when its parameters move by less.
+const SETTLED: f64 = 1e-14;
+/// One whose last step was longer is none.
+const FOUND: f64 = 1e-9;
+/// Parameters further away than this belong to another face.
+const FAR: f64 = 10.0;
+/// Two hits are equally near within this part of their distance from the origin and each other.
+const ALIKE: f64 = 1e-12;
+
+/// A ray from a point of the cell `cell`, along a unit vector.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ray {
+    pub(super) x: Vector3<f64>,
+    pub(super) n: Vector3<f64>,
+    pub(super) cell: CellId,
+}
+
+/// Where a ray meets a face.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hit {
+    pub(super) image: Image,
+    /// `C` of the shift of the image: row i and column j >= i at `j (j + 1)/2 + i`.
+    pub(super) shift: [f64; 6],
+    /// Derivative of the outward normal along the face, both in the reference placement: row i, column j at `i + dim j`.
+    pub(super) slope: [f64; 9],
+}
+
+/// A face that rays may meet.
+#[derive(Clone, Debug)]
+struct Target {
+    facet: FacetRef,
+    /// Of its cell in the space of the displacement.
+    position: usize,
+    /// By side of the reference facet: how far outside of it a hit may lie.
+    margins: [f64; 4],
+}
+
+/// The faces that rays may meet, with the space of the displacement behind them.
+#[derive(Clone, Debug)]
+pub(super) struct Targets {
+    list: Vec<Target>,
+    space: Space,
+    reach: f64,
+}
+
+/// The box around a face in the current placement.
+pub(super) type Bounds = [Vector3<f64>; 2];
+
+/// Tables of the geometry and of the displacement.
+type Tables = [Table; 2];
+
+/// A face at some of its parameters.
+struct Place {
+    /// In the current placement.
+    y: Vector3<f64>,
+    /// Its derivatives in the parameters.
+    current: [Vector3<f64>; 2],
+    /// Those of the position in the reference placement.
+    reference: [Vector3<f64>; 2],
+    /// Outward, of any length; `None` where the cell has no volume.
+    outward: Option<Vector3<f64>>,
+    /// Derivatives of the reference and of the current position in the cell.
+    jacobians: [Matrix3<f64>; 2],
+}
+
+/// A body at a hit.
+pub(super) struct Body {
+    /// In the current placement.
+    pub(super) y: Vector3<f64>,
+    /// `F = I + Grad u`
+    pub(super) deformation: Matrix3<f64>,
+    /// Out of the current face, of any length.
+    pub(super) outward: Vector3<f64>,
+}
+
+/// How far inside the sides of a reference facet parameters are, the unused ones far.
+fn inside(kind: CellKind, p: [f64; 3]) -> [f64; 4] {
+    let [a, b, _] = p;
+    match kind {
+        CellKind::Segment => [a, 1.0 - a, 1.0, 1.0],
+        CellKind::Triangle => [a, b, 1.0 - a - b, 1.0],
+        _ => [a, b, 1.0 - a, 1.0 - b],
+    }
+}
+
+/// The nodes of the vertices on each side of a facet, sorted.
+fn sides(mesh: &Mesh, facet: FacetRef) -> [Vec<usize>; 4] {
+    let local = mesh.kind(facet.cell).facets()[usize::from(facet.local)];
+    let nodes = mesh.cell_vertices(facet.cell);
+    std::array::from_fn(|side| {
+        let on_side = |k: &usize| inside(local.kind, local.kind.vertices()[*k])[side] == 0.0;
+        let mut found: Vec<usize> =
+            (0..local.vertices.len()).filter(on_side).map(|k| nodes[local.vertices[k]].index()).collect();
+        found.sort_unstable();
+        found
+    })
+}
+
+impl Targets {
+    /// Rays onto `facets`, at most `reach` long; `None` where the displacement does not live behind one of them.
+    pub(super) fn new(mesh: &Mesh, facets: &[FacetRef], space: Space, reach: f64) -> Option<Self> {
+        let mut faces_at: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
+        for side in facets.iter().flat_map(|facet| sides(mesh, *facet)) {
+            *faces_at.entry(side).or_default() += 1;
+        }
+        let target = |facet: &FacetRef| {
+            let margins = sides(mesh, *facet).map(|side| if faces_at[&side] > 1 { CLOSED } else { EXTENDED });
+            Some(Target { facet: *facet, position: space.position_of_cell(facet.cell)?, margins })
+        };
+        let list = facets.iter().map(target).collect::<Option<Vec<_>>>()?;
+        Some(Self { list, space, reach })
+    }
+
+    /// The faces.
+    pub(super) fn facets(&self) -> impl Iterator<Item = FacetRef> + '_ {
+        self.list.iter().map(|target| target.facet)
+    }
+
+    /// The boxes around all faces.
+    pub(super) fn bounds(&self, mesh: &Mesh, u: &[f64]) -> Vec<Bounds> {
+        let mut known: BTreeMap<(usize, u8), Vec<Tables>> = BTreeMap::new();
+        let mut all = Vec::with_capacity(self.list.len());
+        for target in &self.list {
+            let key = (mesh.kind(target.facet.cell).index(), target.facet.local);
+            let tables = known.entry(key).or_insert_with(|| {
+                samples(mesh.facet_kind(target.facet)).iter().map(|p| self.tables(mesh, target, *p)).collect()
+            });
+            let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+            for tables in tables {
+                let y = self.place(mesh, target, u, tables).y;
+                (low, high) = (low.inf(&y), high.sup(&y));
+            }
+            let margin = Vector3::repeat(BULGE * (high - low).norm());
+            all.push([low - margin, high + margin]);
+        }
+        all
+    }
+
+    /// The nearest face that a ray meets.
+    pub(super) fn hit(&self, mesh: &Mesh, u: &[f64], bounds: &[Bounds], ray: &Ray) -> Option<Hit> {
+        let mut best: Option<(f64, usize, [f64; 3])> = None;
+        let others = self.list.iter().zip(bounds).enumerate().filter(|(_, (t, _))| t.facet.cell != ray.cell);
+        for (k, (target, bounds)) in others {
+            let least = best.map_or(self.reach, |b| b.0);
+            if !meets(ray, bounds, least) {
+                continue;
+            }
+            let Some((p, g)) = self.crossing(mesh, target, u, ray) else { continue };
+            let scale = ALIKE * (ray.x.amax() + g.abs());
+            if g.abs() <= self.reach && best.is_none_or(|b| g.abs() < b.0 - scale) {
+                best = Some((g.abs(), k, p));
+            }
+        }
+        let (_, k, p) = best?;
+        self.hit_at(mesh, &self.list[k], u, p)
+    }
+
+    fn tables(&self, mesh: &Mesh, target: &Target, p: [f64; 3]) -> Tables {
+        let kind = mesh.kind(target.facet.cell);
+        let local = usize::from(target.facet.local);
+        let r = [kind.facet_point(local, kind.facet_map(local).apply(p))];
+        [mesh.geometry_element(kind).tabulate(&r, 2), self.space.element_at(target.position).tabulate(&r, 1)]
+    }
+
+    /// The face where it was tabulated.
+    fn place(&self, mesh: &Mesh, target: &Target, u: &[f64], tables: &Tables) -> Place {
+        let (dim, cell) = (mesh.dim(), target.facet.cell);
+        let [geometry, field] = tables;
+        let mut y = Vector3::from(mesh.point_at(cell, geometry, 0));
+        let rows = mesh.jacobian_at(cell, geometry, 0);
+        let reference = Matrix3::from_fn(|i, j| if i < dim && j < dim { rows[i][j] } else { 0.0 });
+        let mut current = reference;
+        for (k, node) in self.space.entity_nodes(target.position).iter().enumerate() {
+            let Some(own) = u.get(*node as usize * dim..(*node as usize + 1) * dim) else { continue };
+            for (i, value) in own.iter().enumerate() {
+                y[i] += value * field.values[k];
+                for j in 0..dim {
+                    current[(i, j)] += value * field.gradients[k * dim + j];
+                }
+            }
+        }
+        let kind = mesh.kind(cell);
+        let tangents = kind.facet_map(usize::from(target.facet.local)).tangents.map(Vector3::from);
+        let normal = Vector3::from(kind.facet_normal(usize::from(target.facet.local)));
+        let jacobians = [reference, current].map(|mut padded| {
+            (dim..3).for_each(|k| padded[(k, k)] = 1.0);
+            padded
+        });
+        Place {
+            y,
+            current: tangents.map(|t| current * t),
+            reference: tangents.map(|t| reference * t),
+            outward: jacobians[1].try_inverse().map(|inverse| inverse.transpose() * normal),
+            jacobians,
+        }
+    }
+
+    /// The body at a hit.
+    pub(super) fn body(&self, mesh: &Mesh, u: &[f64], hit: &Hit) -> Option<Body> {
+        let target = self.list.iter().find(|target| Some(target.facet) == hit.image.facet)?;
+        let kind = mesh.kind(target.facet.cell);
+        let r = [hit.image.reference];
+        let tables =
+            [mesh.geometry_element(kind).tabulate(&r, 2), self.space.element_at(target.position).tabulate(&r, 1)];
+        let at = self.place(mesh, target, u, &tables);
+        let deformation = at.jacobians[1] * at.jacobians[0].try_inverse()?;
+        Some(Body { y: at.y, deformation, outward: at.outward? })
+    }
+
+    /// The parameters where a ray meets a face from the front, and how far along the ray; `None` beside it.
+    fn crossing(&self, mesh: &Mesh, target: &Target, u: &[f64], ray: &Ray) -> Option<([f64; 3], f64)> {
+        let (dim, kind) = (mesh.dim(), mesh.facet_kind(target.facet));
+        let mut p = kind.reference_centre();
+        let (mut g, mut last) = (0.0, f64::INFINITY);
+        for _ in 0..ITERATIONS {
+            let at = self.place(mesh, target, u, &self.tables(mesh, target, p));
+            let mut m = Matrix3::identity();
+            (0..dim - 1).for_each(|k| m.set_column(k, &at.current[k]));
+            m.set_column(dim - 1, &-ray.n);
+            let step = m.lu().solve(&(ray.x + ray.n * g - at.y))?;
+            (0..dim - 1).for_each(|k| p[k] += step[k]);
+            g += step[dim - 1];
+            let size = step.rows(0, dim - 1).amax();
+            // below this the steps are rounding and no longer become shorter
+            let is_rounding = size < FOUND && size >= last;
+            last = size;
+            if size < SETTLED || is_rounding || p.iter().any(|x| x.abs() > FAR) {
+                break;
+            }
+        }
+        let is_inside = inside(kind, p).iter().zip(target.margins).all(|(inside, margin)| *inside >= -margin);
+        // what is not a number is no hit either
+        if !(last < FOUND && is_inside && g.is_finite()) {
+            return None;
+        }
+        let at = self.place(mesh, target, u, &self.tables(mesh, target, p));
+        (at.outward?.dot(&ray.n) < 0.0).then_some((p, g))
+    }
+
+    /// What is told of a hit.
+    fn hit_at(&self, mesh: &Mesh, target: &Target, u: &[f64], p: [f64; 3]) -> Option<Hit> {
+        let tables = self.tables(mesh, target, p);
+        let at = self.place(mesh, target, u, &tables);
+        let dim = mesh.dim();
+        let shift = pseudo_inverse(&at.current, dim)?;
+        let c = across(&at.reference, &shift, &at.reference);
+        let mut hit = Hit {
+            image: Image {
+                cell: target.facet.cell,
+                reference: mesh.kind(target.facet.cell).facet_map(usize::from(target.facet.local)).apply(p),
+                facet: Some(target.facet),
+            },
+            shift: [0.0; 6],
+            slope: [0.0; 9],
+        };
+        for j in 0..dim {
+            for i in 0..=j {
+                hit.shift[j * (j + 1) / 2 + i] = c[(i, j)];
+            }
+        }
+        let turns = self.normal_derivatives(mesh, target, &tables, &at)?;
+        let slope = across(&turns, &pseudo_inverse(&at.reference, dim)?, &at.reference);
+        for j in 0..dim {
+            for i in 0..dim {
+                hit.slope[i + dim * j] = slope[(i, j)];
+            }
+        }
+        Some(hit)
+    }
+
+    /// The derivatives of the outward unit normal of the reference placement in the parameters.
+    fn normal_derivatives(
+        &self,
+        mesh: &Mesh,
+        target: &Target,
+        tables: &Tables,
+        at: &Place,
+    ) -> Option<[Vector3<f64>; 2]> {
+        let (dim, cell) = (mesh.dim(), target.facet.cell);
+        let geometry = &tables[0];
+        let tangents = mesh.kind(cell).facet_map(usize::from(target.facet.local)).tangents;
+        let second = |a: usize, b: usize| {
+            let mut sum = Vector3::zeros();
+            for (k, node) in mesh.cell_nodes(cell)[..geometry.n_dofs].iter().enumerate() {
+                let hessian = &geometry.hessians[k * dim * dim..][..dim * dim];
+                let along: f64 = (0..dim * dim).map(|e| tangents[a][e / dim] * hessian[e] * tangents[b][e % dim]).sum();
+                sum += Vector3::from(mesh.node(*node)) * along;
+            }
+            sum
+        };
+        let [b1, b2] = at.reference;
+        let quarter = |v: Vector3<f64>| Vector3::new(v[1], -v[0], 0.0);
+        let (normal, turned) = if dim == 2 {
+            (quarter(b1), [quarter(second(0, 0)), Vector3::zeros()])
+        } else {
+            let turned = [0, 1].map(|a| second(0, a).cross(&b2) + b1.cross(&second(1, a)));
+            (b1.cross(&b2), turned)
+        };
+        let size = normal.norm();
+        if size == 0.0 {
+            return None;
+        }
+        let unit = normal / size;
+        let sign = unit.dot(&reference_outward(mesh, target, geometry)?).signum();
+        Some(turned.map(|t| (t - unit * unit.dot(&t)) * (sign / size)))
+    }
+}
+
+/// The outward direction of a face in the reference placement.
+fn reference_outward(mesh: &Mesh, target: &Target, geometry: &Table) -> Option<Vector3<f64>> {
+    let (dim, kind) = (mesh.dim(), mesh.kind(target.facet.cell));
+    let rows = mesh.jacobian_at(target.facet.cell, geometry, 0);
+    let padded = |i: usize, j: usize| if i < dim && j < dim { rows[i][j] } else { f64::from(u8::from(i == j)) };
+    let normal = Vector3::from(kind.facet_normal(usize::from(target.facet.local)));
+    Some(Matrix3::from_fn(padded).try_inverse()?.transpose() * normal)
+}
+
+/// `(B' B)^-1` of the tangents of a face.
+fn pseudo_inverse(tangents: &[Vector3<f64>; 2], dim: usize) -> Option<Matrix2<f64>> {
+    let [a, b] = tangents;
+    let metric = if dim == 2 {
+        Matrix2::new(a.dot(a), 0.0, 0.0, 1.0)
+    } else {
+        Matrix2::new(a.dot(a), a.dot(b), a.dot(b), b.dot(b))
+    };
+    let mut inverse = metric.try_inverse()?;
+    if dim == 2 {
+        inverse[(1, 1)] = 0.0;
+    }
+    Some(inverse)
+}
+
+/// `A M B'`
+fn across(a: &[Vector3<f64>; 2], m: &Matrix2<f64>, b: &[Vector3<f64>; 2]) -> Matrix3<f64> {
+    let mut sum = Matrix3::zeros();
+    for i in 0..2 {
+        for j in 0..2 {
+            sum += a[i] * b[j].transpose() * m[(i, j)];
+        }
+    }
+    sum
+}
+
+/// Parameters of a facet whose positions say where it is.
+fn samples(kind: CellKind) -> Vec<[f64; 3]> {
+    let ends: &[f64] = &[0.0, 0.5, 1.0];
+    match kind {
+        CellKind::Segment => ends.iter().map(|a| [*a, 0.0, 0.0]).collect(),
+        CellKind::Triangle => {
+            let all = ends.iter().flat_map(|a| ends.iter().map(move |b| [*a, *b, 0.0]));
+            all.filter(|p| p[0] + p[1] <= 1.0).collect()
+        }
+        _ => ends.iter().flat_map(|a| ends.iter().map(move |b| [*a, *b, 0.0])).collect(),
+    }
+}
+
+/// Whether a ray comes into a box within `reach` of its beginning, to either side.
+fn meets(ray: &Ray, bounds: &Bounds, reach: f64) -> bool {
+    let (mut from, mut to) = (-reach, reach);
+    for d in 0..3 {
+        let (low, high) = (bounds[0][d] - ray.x[d], bounds[1][d] - ray.x[d]);
+        if ray.n[d] == 0.0 {
+            if low > 0.0 || high < 0.0 {
+                return false;
+            }
+            continue;
+        }
+        let (a, b) = (low / ray.n[d], high / ray.n[d]);
+        from = from.max(a.min(b));
+        to = to.min(a.max(b));
+    }
+    from <= to
+}

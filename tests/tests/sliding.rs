@@ -1,0 +1,183 @@
+//! Bodies that slide far, through mappings whose images follow them: forces of another program, invariance, momentum, shifts
+//! of images, and what is refused.
+
+use std::path::Path;
+
+use wfl_compiler::InterpreterBackend;
+use wfl_runtime::system::System;
+use wfl_tests::{Attempt, Solved, attempt, examples, prepared, reference, solve};
+
+/// Two blocks in contact along y = 1.
+const BLOCKS: &str = "wfl 1
+mesh box [0,0] to [LENGTH,2] cells [LENGTH,2] quad with idle_cells=allowed
+region lower = cells where y < 1
+region upper = cells where y > 1 and x < 3
+region sole  = faces of upper where y == 1
+region floor = faces of lower where y == 1
+region lid   = faces of upper where y == 2
+region base  = faces of lower where y == 0
+region left  = cells where y < 1 and x < 4
+unknown a : vector Q2 on upper
+unknown b : vector Q2 on lower
+def P(g) = 0.4*((Id(2) + g) - Inv(Id(2) + g)') + 0.5*log(Det(Id(2) + g))*Inv(Id(2) + g)'
+term upper on upper : P(Grad_a):Grad_Test_a
+term lower on lower : P(Grad_b):Grad_Test_b
+mapping m = raytrace from sole onto floor moving with a, b within 0.3
+def n    = Transformed_unit_vector(Grad_a, Normal)
+def gap  = (Interpolate(X, m) + Interpolate(b, m) - X - a).n
+def slip = a - Previous_a - Interpolate(b, m) + Interpolate(Previous_b, m) + gap*(n - Transformed_unit_vector(Grad_Previous_a, Normal))
+def tang(w) = w - (w.n)*n
+def pressure = pos_part(-20*gap)
+param fric = 0.2
+def shear = Ball_projection(20*tang((Id(2) + Grad_a)*Previous_elastic + slip), fric*pressure)
+state elastic : vector on sole := Inv(Id(2) + Grad_a)*shear/20
+def force = pressure*n + shear
+term contact on sole : force.(Test_a - Interpolate(Test_b, m))
+measure N = integral(Norm(force)) on sole
+measure left_behind = max(Norm(P(Grad_b))) on left
+";
+
+fn blocks(length: usize, rest: &str) -> String {
+    BLOCKS.replace("LENGTH", &length.to_string()) + rest
+}
+
+fn solved(text: String, params: &[(&str, f64)]) -> Solved {
+    solve(Path::new("."), text, &[], params).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn measure(solved: &Solved, name: &str) -> Vec<f64> {
+    (0..solved.outcome.steps.len()).map(|step| solved.measure(step, name)).collect()
+}
+
+/// The forces on the block at 30 steps are those of GetFEM for the same form, and no step needs many iterations.
+#[test]
+fn ironing_has_the_forces_of_getfem() {
+    let text = std::fs::read_to_string(examples().join("sliding/ironing.wfl")).expect("an example");
+    let found = solve(&examples().join("sliding"), text, &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(found.outcome.converged());
+    assert!(found.outcome.warnings.is_empty(), "{:?}", found.outcome.warnings);
+    let of_getfem = reference("sliding_ironing.json");
+    for name in ["Fx", "Fy"] {
+        let expected: Vec<f64> =
+            of_getfem[name].as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect();
+        let forces = measure(&found, name);
+        assert_eq!(forces.len(), expected.len() + 1, "the first state is that without a load");
+        for (step, (force, expected)) in forces[1..].iter().zip(&expected).enumerate() {
+            assert!((force - expected).abs() < 1e-9, "{name} at step {}: {force} {expected}", step + 1);
+        }
+    }
+}
+
+/// A block that was pushed by 13 cells presses where it is, and on nothing that it left.
+#[test]
+fn a_block_presses_where_it_has_gone() {
+    let drive = "steps s = 0 to 27 by 1\nfix a = [max(0, s - 1)/2, -0.02*min(s, 1)] on lid\nfix b = [0, 0] on base\n";
+    let found = solved(blocks(20, drive), &[("fric", 0.0)]);
+    assert!(found.outcome.converged());
+    let (normal, left) = (measure(&found, "N"), measure(&found, "left_behind"));
+    assert!(normal[27] > 0.5 * normal[1], "{normal:?}");
+    assert!(left[27] < 1e-4 * left[1], "{left:?}");
+    assert!(found.outcome.warnings.iter().all(|w| w.0 != "W631"), "{:?}", found.outcome.warnings);
+}
+
+/// A finite rotation of everything changes no force, and nothing slips.
+#[test]
+fn a_rotation_of_the_whole_scene_changes_nothing() {
+    let turn = "def w = max(0, s - 1)*0.4
+def turned(v) = [cos(w)*v(1) - sin(w)*v(2), sin(w)*v(1) + cos(w)*v(2)]
+steps s = 0 to 5 by 1
+fix a = turned(X + [0.05*min(s, 1), -0.03*min(s, 1)]) - X on lid
+fix b = turned(X) - X on base
+";
+    // with friction what is left of the step before is as large as the tolerance of Newton's method
+    for (fric, tolerance) in [(0.0, 1e-12), (0.2, 1e-10)] {
+        let found = solved(blocks(3, turn), &[("fric", fric)]);
+        assert!(found.outcome.converged());
+        let normal = measure(&found, "N");
+        assert!(normal[1] > 1e-3, "{normal:?}");
+        for (step, force) in normal.iter().enumerate().skip(2) {
+            assert!((force - normal[1]).abs() < tolerance * normal[1], "step {step}: {force} after {}", normal[1]);
+        }
+    }
+}
+
+/// The forces of a term on both bodies add up to nothing at any state.
+#[test]
+fn contact_conserves_linear_momentum() {
+    let drive = "steps s = 0 to 2 by 1\nfix a = [0.37*s, -0.02*s] on lid\nfix b = [0, 0] on base\n";
+    let found = solved(blocks(4, drive), &[]);
+    let equations = &found.outcome.equations;
+    let system: &System = &equations.system;
+    let u = &found.outcome.steps.last().expect("states are kept").state;
+    let term = system.terms.iter().find(|t| t.law.name == "contact").expect("the term");
+    let mut forces = vec![0.0; u.len()];
+    term.add_residual(&system.mesh, system.values(u).view(), &mut forces).expect("finite forces");
+    let size = forces.iter().fold(0.0f64, |m, f| m.max(f.abs()));
+    for c in 0..2 {
+        let sum: f64 = forces.iter().skip(c).step_by(2).sum();
+        assert!(size > 1e-4 && sum.abs() < 1e-13 * size, "{sum} of {size}");
+    }
+}
+
+/// Images that are found again after a small motion have shifted as the formula says: straight edges, and faces of hexahedra
+/// that are not plane.
+#[test]
+fn images_shift_as_their_formula_says() {
+    let space = "wfl 1
+mesh box [0,0,0] to [3,3,2] cells [3,3,2] hex map [x + 0.06*sin(3*y), y + 0.05*x*z, z + 0.05*sin(x*y)]
+region lower = cells where z < 1
+region upper = cells where z > 1
+region sole  = interface from upper to lower
+region floor = interface from lower to upper
+unknown a : vector DEGREE on upper
+unknown b : vector DEGREE on lower
+term upper on upper : Grad_a:Grad_Test_a
+term lower on lower : Grad_b:Grad_Test_b
+mapping m = raytrace from sole onto floor moving with a, b within 0.5
+def gap  = (Interpolate(X, m) + Interpolate(b, m) - X - a).Transformed_unit_vector(Grad_a, Normal)
+term contact on sole : pos_part(-gap)*(Interpolate(Normal, m).(Interpolate(Test_b, m) - Test_a))
+";
+    let scenes = [blocks(4, ""), space.replace("DEGREE", "Q1"), space.replace("DEGREE", "Q2")];
+    for text in scenes {
+        let text = text + "steps s = 0 to 1 by 1\n";
+        let scene = prepared(Path::new("."), text, &[], &[], &InterpreterBackend).unwrap_or_else(|e| panic!("{e}"));
+        let points = scene.system.terms.iter().find_map(|t| t.integrator.domain.moving.clone()).expect("a map");
+        let found = points.check_shifts(&scene.system.mesh);
+        assert!(found.points > found.all / 2, "{found:?}");
+        assert!(found.error < 1e-7, "{found:?}");
+    }
+}
+
+/// A body that is pushed over the edge of the other loses images under pressure, and that is told.
+#[test]
+fn images_lost_under_pressure_are_told() {
+    let drive = "steps s = 0 to 5 by 1\nfix a = [max(0, s - 1)*0.8, -0.02*min(s, 1)] on lid\nfix b = [0, 0] on base\n";
+    let Attempt { solved, messages } = attempt(Path::new("."), blocks(4, drive), &[], &[("fric", 0.0)]);
+    let found = solved.unwrap_or_else(|| panic!("{messages}"));
+    let lost: Vec<&String> = found.outcome.warnings.iter().filter(|w| w.0 == "W632").map(|w| &w.1).collect();
+    assert!(lost.len() == 1 && lost[0].contains("lost their image"), "{:?}", found.outcome.warnings);
+}
+
+/// What is not there is refused with its place, and not solved some other way.
+#[test]
+fn what_is_not_available_is_refused() {
+    let drive = "steps s = 0 to 1 by 1\n";
+    let m = "mapping m = raytrace from sole onto floor moving with a, b within 0.3";
+    let term = "term contact on sole : force.(Test_a - Interpolate(Test_b, m))";
+    let cases = [
+        (m, "mapping m = project from sole onto floor moving with a, b within 0.3", "E802"),
+        (m, "mapping m = raytrace from floor onto floor moving with b within 0.3", "E802"),
+        (m, "mapping m = raytrace from sole onto floor moving with b within 0.3", "E202"),
+        (term, "energy contact on sole : sqr(gap)", "E111"),
+        (term, "term contact on sole : gap*Diff(gap, a)", "E111"),
+        (term, "term contact on sole : Interpolate(element_size, m)*gap*Test_a.n", "E111"),
+        (term, "term contact on sole : Interpolate_filter(m, gap, 0)*Test_a.n", "E106"),
+        (term, "load a = Interpolate(b, m) on sole", "E111"),
+    ];
+    for (from, to, code) in cases {
+        let edits = [(from, to.to_owned())];
+        let made = prepared(Path::new("."), blocks(4, drive), &edits, &[], &InterpreterBackend);
+        let messages = made.err().unwrap_or_else(|| panic!("`{to}` is taken"));
+        assert!(messages.contains(code) && messages.contains("scene.wfl:"), "{to}: {messages}");
+    }
+}
