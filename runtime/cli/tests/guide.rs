@@ -9,7 +9,7 @@ mod common;
 use common::Folder;
 
 /// Pages with snippets.
-const PAGES: [&str; 5] = ["first_hour", "from_getfem", "from_ufl", "initial_stress", "time"];
+const PAGES: [&str; 6] = ["first_hour", "from_getfem", "from_ufl", "gradients", "initial_stress", "time"];
 
 /// A block of a page: the words behind the fence, and its lines.
 struct Block {
