@@ -20,6 +20,7 @@ mod effect;
 mod emitter;
 mod float;
 mod frozen;
+mod gradient;
 mod graph;
 mod image;
 mod interp;
@@ -54,6 +55,9 @@ pub use dual::Dual;
 pub use effect::each_name_in_effect;
 pub use frozen::{
     ArgumentSlope, FrozenLaw, Projection, ScaledPart, Scaling, SlopesLaw, compile_frozen, scaling_parameters,
+};
+pub use gradient::{
+    Companions, KinkSides, compile_kink_sides, compile_slopes, compile_term_gradient, compile_value_gradient,
 };
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};

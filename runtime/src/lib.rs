@@ -7,6 +7,7 @@
 pub mod accuracy;
 mod bytes;
 pub mod compare;
+pub mod gradient;
 pub mod knobs;
 mod left_out;
 pub mod output;
@@ -37,8 +38,8 @@ pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
 pub use run::{
     Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Episode, FRUITLESS, Holders, KeptStep, KeptTable, Memory,
-    Outcome, Path, Progress, Quiet, RunError, RunOptions, RunState, Session, Standing, StepResult, finished, may_begin,
-    run, save,
+    Outcome, Passed, PassedStep, Path, Progress, Quiet, RunError, RunOptions, RunState, Session, Standing, StepResult,
+    Trajectory, finished, may_begin, run, save,
 };
 pub use savings::{SavingError, savings};
 pub use scene::{

@@ -12,7 +12,11 @@ use std::path::{Path, PathBuf};
 use wfl::{Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, parse_expr, render, resolve};
 use wfl_compiler::backend::KernelBackend;
 use wfl_jit::JitBackend;
-use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, prepare, run};
+use wfl_runtime::{
+    Outcome, Quiet, RunOptions, Scene,
+    gradient::{Differentiated, Gradients, Request, gradients},
+    prepare, run,
+};
 
 /// Files by name, changed by text replacements on the way.
 struct Edited<'a> {
@@ -229,6 +233,34 @@ pub fn attempt_with(
 pub fn solve(folder: &Path, text: String, edits: &[(&str, String)], params: &[(&str, f64)]) -> Result<Solved, String> {
     let Attempt { solved, messages } = attempt(folder, text, edits, params);
     solved.ok_or(messages)
+}
+
+/// The derivatives of results of a scene of `folder` in its parameters, as `wfl run --gradient RESULTS --with PARAMETERS`.
+///
+/// # Errors
+/// The messages as text.
+///
+/// # Panics
+/// If this processor cannot run machine code, or the lists cannot be read.
+pub fn differentiated(
+    scene: (&Path, String),
+    edits: &[(&str, String)],
+    params: &[(&str, f64)],
+    results: &str,
+    with: &str,
+) -> Result<(Solved, Gradients), String> {
+    let (folder, text) = scene;
+    let backend = JitBackend::new().expect("machine code on this processor");
+    let (script, sources, messages) = script_and_messages(folder, text, edits, params);
+    let script = script.ok_or(messages)?;
+    let made = prepare(&script, folder, &backend);
+    let scene = made.scene.ok_or_else(|| told(&made.diagnostics, &sources))?;
+    let options = RunOptions { keep_trajectory: true, ..RunOptions::without_files(2, std::time::Instant::now()) };
+    let outcome = run(&scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
+    let of = Differentiated { scene: &scene, script: &script, outcome: &outcome, backend: &backend, threads: 2 };
+    let found = gradients(of, &Request::read(results, with).expect("lists of names"));
+    let found = found.map_err(|d| told(&[*d], &sources))?;
+    Ok((Solved { scene, outcome }, found))
 }
 
 impl Solved {

@@ -10,6 +10,7 @@ use wfl_runtime::{
 };
 
 use crate::{
+    args_gradient::GradientArgs,
     args_plot::{PLOT_HELP, PlotArgs},
     solvers::Solvers,
 };
@@ -32,7 +33,7 @@ const EXIT_CODES: &str = "\
 Exit codes:
   0  done
   1  an error: the command line, the scene, a file, a singular system; `fmt --check`: a file is not formatted;
-     `verify`: a tangent is wrong
+     `verify`: a tangent or a derivative is wrong
   2  `run`: a step did not converge
   3  `run`: an expectation of the scene does not hold
   4  `run`: the accuracy wanted was not reached
@@ -101,7 +102,8 @@ Examples:
   wfl run examples/fault/nitsche.wfl
   wfl run examples/fault/nitsche.wfl --accuracy 1e-2
   wfl run examples/crack/compression.wfl --accuracy 1e-3 --of slip
-  wfl run examples/fault/nitsche.wfl theta=-1 gamma=1e6 --out results -v";
+  wfl run examples/fault/nitsche.wfl theta=-1 gamma=1e6 --out results -v
+  wfl run examples/fault/nitsche.wfl --gradient \"Fn, max_slip\" --with E, fric";
 
 const EXTREMES_HELP: &str = "\
 Nothing is written but the table. Values outside the declared range of a parameter are reported and
@@ -138,8 +140,12 @@ digits, so a deviation above 1e-7 of a block is an error of the tangent; the exi
 interpreter are compared bit by bit at the same states. Contact terms are tested with bodies of constant stress
 (docs/language.md): the table has their residuals, and the exit code is 1 if they do not balance that stress.
 
-Example:
-  wfl verify examples/fault/nitsche.wfl --samples 200";
+With --gradient derivatives of results are compared with differences of whole runs, four for each parameter; the exit code
+is 1 where one agrees with neither side.
+
+Examples:
+  wfl verify examples/fault/nitsche.wfl --samples 200
+  wfl verify examples/friction/weakening.wfl --gradient tip --with mu";
 
 const SWEEP_HELP: &str = "\
 A knob is a parameter of the scenes, or one of
@@ -232,6 +238,8 @@ pub(crate) struct RunArgs {
     /// of a checkpoint) may be repeated
     #[arg(long)]
     pub(crate) resume: bool,
+    #[command(flatten)]
+    pub(crate) gradient: GradientArgs,
     /// Demanded relative error, such as 1e-3: refines the mesh and selects degree, tolerance and penalty
     #[arg(long, value_name = "ERROR", value_parser = accuracy, conflicts_with = "resume")]
     pub(crate) accuracy: Option<f64>,
@@ -401,6 +409,8 @@ pub(crate) struct ShowArgs {
 pub(crate) struct VerifyArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
+    #[command(flatten)]
+    pub(crate) gradient: GradientArgs,
     /// Random states a term; those beside kinks come on top
     #[arg(long, value_name = "N", default_value = "100")]
     pub(crate) samples: NonZeroUsize,

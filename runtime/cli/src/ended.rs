@@ -37,10 +37,17 @@ fn print(loaded: &Loaded, said: &Said) {
     }
 }
 
-/// Runs what is ready, and says how it ended.
-pub(crate) fn go(loaded: &Loaded, scene: Scene, mut ready: Ready) -> ExitCode {
+/// What is done with a run that has ended and converged; false after a message.
+pub(crate) type Afterwards<'a> = dyn FnMut(&Scene, &Ready, &mut Outcome) -> bool + 'a;
+
+/// Runs what is ready, says how it ended, and does what is left to do.
+pub(crate) fn go(loaded: &Loaded, scene: Scene, mut ready: Ready, more: &mut Afterwards<'_>) -> ExitCode {
     match ready.go(&scene) {
-        Ok(outcome) => finish(loaded, &scene, &ready, &outcome, None),
+        Ok(mut outcome) => {
+            let code = finish(loaded, &scene, &ready, &outcome, None);
+            let did = !outcome.converged() || more(&scene, &ready, &mut outcome);
+            if did { code } else { ExitCode::from(EXIT_ERROR) }
+        }
         Err(error) => {
             explain(loaded, &scene, &error);
             ExitCode::from(EXIT_ERROR)

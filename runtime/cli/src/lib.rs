@@ -5,6 +5,7 @@
 
 mod accuracy;
 mod args;
+mod args_gradient;
 mod args_plot;
 mod args_slip;
 mod ast_text;
@@ -15,6 +16,7 @@ mod ended;
 mod explain;
 mod extremes;
 mod fmt;
+mod gradient;
 mod heartbeat;
 mod import;
 mod interrupt;

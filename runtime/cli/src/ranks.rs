@@ -96,7 +96,7 @@ impl Shared<'_> {
             }
             None => self.parted(&loaded, scene)?,
         };
-        Ok(go(&loaded, scene, ready))
+        Ok(go(&loaded, scene, ready, &mut |_, _, _| true))
     }
 
     /// A rank that is sent its part, and says nothing.
@@ -111,7 +111,7 @@ impl Shared<'_> {
             _ => return Ok(ExitCode::SUCCESS),
         };
         let ready = self.ready(&loaded, 0.0)?;
-        Ok(go(&loaded, scene, ready))
+        Ok(go(&loaded, scene, ready, &mut |_, _, _| true))
     }
 
     /// What the first rank makes for this one.

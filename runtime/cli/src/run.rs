@@ -13,13 +13,14 @@ use crate::{
     accuracy,
     args::RunArgs,
     ended::{ended_before, explain, go},
+    gradient,
     load::{load_with_knobs, out, say},
     prepared::{EXIT_ERROR, backend, prepare_scene, sign_of_life},
     progress::Loudness,
     ranks,
     ready::{Ready, Times, checked, ready, shaped},
     solvers::{self, Running},
-    together::{may_pick, may_write, says_more_of_no_accuracy},
+    together::{may_do_more, may_pick, says_more_of_no_accuracy},
 };
 
 pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
@@ -43,6 +44,7 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         say("error: --savings does not go with several ranks\n  = help: run it without mpirun\n");
         return ExitCode::from(EXIT_ERROR);
     }
+    let Some(request) = gradient::request(args, team.is_some()) else { return ExitCode::from(EXIT_ERROR) };
     let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "run") else {
         return ExitCode::from(EXIT_ERROR);
     };
@@ -69,7 +71,7 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         return ExitCode::from(EXIT_ERROR);
     }
     let scene = shaped(args, scene);
-    if args.savings && !may_write(args, &loaded, &scene, &[]) {
+    if !may_do_more(args, &loaded, &scene, request.as_ref()) {
         return ExitCode::from(EXIT_ERROR);
     }
     let ready = checked(args, &mut loaded, &scene)
@@ -91,7 +93,9 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         }
     }
     ready.announce(&loaded, &scene);
-    go(&loaded, scene, ready)
+    go(&loaded, scene, ready, &mut |scene, ready, outcome| {
+        request.as_ref().is_none_or(|r| gradient::differentiate((&loaded, scene, &*backend), ready, outcome, r))
+    })
 }
 
 /// A run with the measured effect of its optimisations, on request.

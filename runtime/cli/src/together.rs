@@ -1,9 +1,20 @@
 //! What a command line asks of a run that does not go together.
 
-use wfl_runtime::{Scene, accuracy::MESH_FILE, may_begin};
-use wfl_tasks::{Loaded, folder::error_line};
+use wfl_runtime::{
+    Scene,
+    accuracy::MESH_FILE,
+    gradient::{Request, not_together},
+    may_begin,
+};
+use wfl_tasks::{Loaded, folder::error_line, gradient::files};
 
-use crate::{args::RunArgs, ended::explain, load::say, ready::folder, solvers::Solvers};
+use crate::{
+    args::RunArgs,
+    ended::explain,
+    load::{print_all, say},
+    ready::folder,
+    solvers::Solvers,
+};
 
 /// Says that there is no accuracy of which the command line says more.
 pub(crate) fn says_more_of_no_accuracy(args: &RunArgs) -> bool {
@@ -24,6 +35,13 @@ pub(crate) fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
         say("error: for an accuracy a scene is run with the solvers of this program\n  = help: leave --backend out\n");
         return false;
     }
+    if args.gradient.gradient.is_some() {
+        say(
+            "error: a scene that asks for an accuracy is run on several meshes: --gradient does not go with it\n  = help: run the \
+             setting that was found with --gradient\n",
+        );
+        return false;
+    }
     // on the command line these exclude each other; the scene may ask for an accuracy, too
     if args.savings || args.resume {
         say(
@@ -32,6 +50,17 @@ pub(crate) fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
         return false;
     }
     may_write(args, loaded, scene, &[MESH_FILE])
+}
+
+/// Whether what is asked for beside the results of a run can be done, looked at before anything is; says why not.
+pub(crate) fn may_do_more(args: &RunArgs, loaded: &Loaded, scene: &Scene, request: Option<&Request>) -> bool {
+    if let Some(d) = request.and_then(|_| not_together(scene)) {
+        print_all(&[d], &loaded.sources);
+        return false;
+    }
+    let files = request.map(files).unwrap_or_default();
+    let nothing = !args.savings && request.is_none();
+    nothing || may_write(args, loaded, scene, &files.iter().map(String::as_str).collect::<Vec<_>>())
 }
 
 /// Whether the results can be written, and the files `more` beside them, looked at before other runs are made for this

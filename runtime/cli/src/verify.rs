@@ -13,7 +13,7 @@ use wfl_runtime::system::System;
 
 use crate::{
     args::VerifyArgs,
-    contact,
+    contact, gradient,
     load::{load_with_knobs, out, print_all, say},
     prepared::{EXIT_ERROR, backend, prepare_scene, sign_of_life},
     table::Table,
@@ -23,6 +23,14 @@ use crate::{
 const SHIFT_TOLERANCE: f64 = 1e-6;
 
 pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
+    match args.gradient.request() {
+        Ok(None) => {}
+        Ok(Some(request)) => return gradient::compare(args, &request),
+        Err(why) => {
+            say(&format!("error: {why}\n"));
+            return ExitCode::from(EXIT_ERROR);
+        }
+    }
     let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "verify") else {
         return ExitCode::from(EXIT_ERROR);
     };

@@ -9,7 +9,8 @@ mod common;
 use common::Folder;
 
 /// Pages with snippets.
-const PAGES: [&str; 6] = ["first_hour", "flow_in_faults", "from_getfem", "from_ufl", "initial_stress", "time"];
+const PAGES: [&str; 7] =
+    ["first_hour", "flow_in_faults", "from_getfem", "from_ufl", "gradients", "initial_stress", "time"];
 
 /// A block of a page: the words behind the fence, and its lines.
 struct Block {

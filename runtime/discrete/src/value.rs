@@ -81,6 +81,18 @@ impl Value {
     /// # Errors
     /// [`NotFinite`] for the first value that is not finite.
     pub fn at_positions(&self, positions: &[[f64; 3]]) -> Result<Vec<f64>, NotFinite> {
+        self.at_positions_with(positions, &|_| 0.0)
+    }
+
+    /// As [`Self::at_positions`] for an expression that also reads what is the same everywhere, which `known` gives by slot.
+    ///
+    /// # Errors
+    /// [`NotFinite`] for the first value that is not finite.
+    pub fn at_positions_with(
+        &self,
+        positions: &[[f64; 3]],
+        known: &dyn Fn(&InputSlot) -> f64,
+    ) -> Result<Vec<f64>, NotFinite> {
         let (n_in, n_out) = (self.law.inputs.len(), self.n_components());
         let blocks = positions.len().div_ceil(LANES);
         let mut inputs = vec![0.0; blocks * n_in * LANES];
@@ -89,9 +101,8 @@ impl Value {
             for l in 0..LANES {
                 let x = positions[(b * LANES + l).min(positions.len() - 1)];
                 for (s, slot) in self.law.inputs.iter().enumerate() {
-                    if let InputSlot::X(k) = slot {
-                        inputs[(b * n_in + s) * LANES + l] = x[usize::from(*k)];
-                    }
+                    let number = if let InputSlot::X(k) = slot { x[usize::from(*k)] } else { known(slot) };
+                    inputs[(b * n_in + s) * LANES + l] = number;
                 }
             }
         }

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::{prelude::*, types::PyDict};
 use wfl_report::{Pages, RunFolder};
-use wfl_runtime::{contact::ContactPoints, save};
+use wfl_runtime::{contact::ContactPoints, gradient::Request, save};
 use wfl_tasks::ending::Ending;
 
-use crate::{arrays, scene::PyScene, steps, told, work::Finished};
+use crate::{arrays, desk::Listeners, scene::PyScene, steps, told, work::Finished};
 
 /// A run that has ended; `wfl.Result` has the words for it.
 #[pyclass(frozen, name = "Outcome", module = "wfl._wfl")]
@@ -96,6 +96,38 @@ fn kept<'py>(py: Python<'py>, finished: &Finished) -> PyResult<Vec<Bound<'py, Py
 
 #[pymethods]
 impl PyOutcome {
+    /// The derivatives of a result: its value, by parameter and by data field its numbers, and what there is to tell.
+    fn gradient<'py>(
+        &self,
+        py: Python<'py>,
+        scene: &Bound<'_, PyScene>,
+        result: &str,
+        with: &str,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let request = Request::read(result, with).map_err(|why| told::refused(py, &format!("error: {why}\n")))?;
+        // data may be those of functions of the caller, which are asked again
+        let asks = Listeners::default();
+        let found = scene.get().at_work(py, &asks, |work, _| work.gradients(&self.finished, &request))?;
+        let made = PyDict::new(py);
+        for gradient in &found.results {
+            made.set_item("value", gradient.value)?;
+            let parameters = PyDict::new(py);
+            for (name, entries) in &gradient.parameters {
+                parameters.set_item(name, PyArray1::from_slice(py, entries))?;
+            }
+            made.set_item("parameters", parameters)?;
+            let fields = PyDict::new(py);
+            for (name, values) in &gradient.fields {
+                fields.set_item(name, PyArray1::from_slice(py, values))?;
+            }
+            made.set_item("fields", fields)?;
+        }
+        let near = found.near.iter().map(wfl_runtime::gradient::NearKink::text);
+        made.set_item("warnings", near.collect::<Vec<_>>())?;
+        made.set_item("notes", &found.notes)?;
+        Ok(made)
+    }
+
     /// The page about the run and its charts, made in `folder`, which is the folder of its results or an empty one.
     fn pages(
         &self,

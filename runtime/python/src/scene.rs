@@ -72,7 +72,7 @@ impl PyScene {
     }
 
     /// Does work that may ask Python.
-    fn at_work<T: Send>(
+    pub(crate) fn at_work<T: Send>(
         &self,
         py: Python<'_>,
         listeners: &Listeners,
@@ -240,6 +240,7 @@ impl PyScene {
         let mut work = self.held()?;
         work.scene.set_steps(&values).map_err(|e| told::refused(py, &e.to_string()))?;
         work.given.insert("steps".to_owned());
+        work.changes += 1;
         work.session = None;
         Ok(())
     }
@@ -254,20 +255,22 @@ impl PyScene {
         let given = if as_start { scene.give_start(name, span, asked) } else { scene.give_data(name, span, asked) };
         given.map_err(|e| told::refused(py, &e.to_string()))?;
         work.given.insert(name.to_owned());
+        work.changes += 1;
         work.session = None;
         Ok(())
     }
 
     /// Runs all steps: what became of it, and the outcome that pictures are made of. `keep` says whether the states of all
-    /// steps are kept, and the outputs; `hooks` are called after steps and iterations.
+    /// steps are kept, the outputs, and what derivatives need; `hooks` are called after steps and iterations.
     fn run<'py>(
         slf: &Bound<'py, Self>,
         out: Option<PathBuf>,
         threads: Option<usize>,
-        keep: (bool, bool),
+        keep: (bool, bool, bool),
         hooks: (Option<Py<PyAny>>, Option<Py<PyAny>>),
     ) -> PyResult<(Bound<'py, PyDict>, PyOutcome)> {
-        let asked = RunAsked { out, threads, keep_states: keep.0, keep_outputs: keep.1 };
+        let (keep_states, keep_outputs, keep_trajectory) = keep;
+        let asked = RunAsked { out, threads, keep_states, keep_outputs, keep_trajectory };
         let listeners = Listeners { on_step: hooks.0, on_iteration: hooks.1 };
         let finished = slf.get().at_work(slf.py(), &listeners, |work, teller| {
             teller.number = 0;

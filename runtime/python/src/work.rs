@@ -8,6 +8,7 @@ use wfl_runtime::{
     Cadence, Equations, Outcome, RunError, RunOptions, Scene, Session,
     contact::{ContactPoints, contact_points},
     field::FieldSpace,
+    gradient::{Differentiated, Gradients, Request, gradients},
 };
 use wfl_tasks::{
     Loaded, VERSION, advice, available_threads,
@@ -33,6 +34,8 @@ pub(crate) struct Work {
     judged: bool,
     /// What the caller gave: such a run does not follow from the texts alone.
     pub(crate) given: BTreeSet<String>,
+    /// How often data, first values or steps were changed: what a run was of is known by it.
+    pub(crate) changes: usize,
     parse_seconds: f64,
 }
 
@@ -53,6 +56,8 @@ pub(crate) struct RunAsked {
     pub(crate) threads: Option<usize>,
     pub(crate) keep_states: bool,
     pub(crate) keep_outputs: bool,
+    /// All that derivatives need of the steps is kept.
+    pub(crate) keep_trajectory: bool,
 }
 
 /// A run that has ended.
@@ -65,6 +70,8 @@ pub(crate) struct Finished {
     pub(crate) contact: Vec<(String, ContactPoints)>,
     /// Data and states at the end, by field.
     pub(crate) known: Vec<Vec<f64>>,
+    /// [`Work::changes`] of its scene.
+    changes: usize,
 }
 
 impl Work {
@@ -86,7 +93,7 @@ impl Work {
         match loaded.prepare(&backend, &[]) {
             Some(scene) => {
                 let given = asked.left.iter().cloned().collect();
-                Ok(Self { loaded, scene, session: None, judged: false, given, parse_seconds })
+                Ok(Self { loaded, scene, session: None, judged: false, given, changes: 0, parse_seconds })
             }
             None => Err(told::all(&loaded.messages, &loaded.sources)),
         }
@@ -120,6 +127,7 @@ impl Work {
             warnings: self.loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
             about: self.loaded.about(),
             keep_states: asked.keep_states,
+            keep_trajectory: asked.keep_trajectory,
             keep_outputs: if asked.keep_outputs && asked.out.is_none() { self.shown() } else { Vec::new() },
             ..RunOptions::without_files(asked.threads.unwrap_or_else(available_threads), started)
         }
@@ -149,6 +157,21 @@ impl Work {
         }
     }
 
+    /// The derivatives of a result of a run of this scene.
+    pub(crate) fn gradients(&self, of: &Finished, request: &Request) -> Result<Gradients, Vec<Told>> {
+        let refused = |text: &str| vec![Told::text(&format!("error: {text}\n"))];
+        if of.changes != self.changes {
+            return Err(refused("data, first values or steps of the scene were changed after the run: run it again"));
+        }
+        if of.outcome.trajectory.is_none() {
+            return Err(refused("the run kept no steps for derivatives\n  = help: scene.run(gradients=True)"));
+        }
+        let backend = JitBackend::new().map_err(|e| refused(&e.to_string()))?;
+        let (script, outcome, threads) = (&self.loaded.script, &of.outcome, of.options.threads);
+        let of = Differentiated { scene: &self.scene, script, outcome, backend: &backend, threads };
+        gradients(of, request).map_err(|d| vec![Told::diagnostic(&d, &self.loaded.sources)])
+    }
+
     /// A demanded accuracy is a search over meshes, of which the command writes a record.
     fn refuse_accuracy(&self) -> Result<(), Vec<Told>> {
         match &self.scene.accuracy {
@@ -168,7 +191,7 @@ impl Work {
         let end = &outcome.equations;
         let contact = outcome.steps.last().map_or_else(Vec::new, |step| self.contact(end, &step.state));
         let known = end.system.known.data.clone();
-        Finished { outcome, options, ending: ended.ending, told: list, summary, contact, known }
+        Finished { outcome, options, ending: ended.ending, told: list, summary, contact, known, changes: self.changes }
     }
 
     /// Why a run ended without a result.
@@ -200,7 +223,7 @@ impl Work {
             let started = Instant::now();
             self.refuse_accuracy()?;
             self.check();
-            let asked = RunAsked { out: None, threads: None, keep_states: false, keep_outputs: true };
+            let asked = RunAsked { out: None, threads: None, keep_states: false, keep_outputs: true, keep_trajectory: false };
             let options = self.options(&asked, started, started.elapsed().as_secs_f64());
             match Session::new(&self.scene, options) {
                 Ok(session) => self.session = Some(session),
@@ -227,7 +250,7 @@ impl Work {
     /// Ends the run between two steps.
     pub(crate) fn end_session(&mut self) -> Option<Finished> {
         let session = self.session.take()?;
-        let asked = RunAsked { out: None, threads: None, keep_states: false, keep_outputs: false };
+        let asked = RunAsked { out: None, threads: None, keep_states: false, keep_outputs: false, keep_trajectory: false };
         let options = self.options(&asked, Instant::now(), 0.0);
         Some(self.finished(session.outcome(&self.scene), options))
     }

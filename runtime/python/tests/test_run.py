@@ -222,3 +222,49 @@ def test_files_for_viewers_are_readable_by_meshio(examples, tmp_path):
     faces = np.unique(grid.cells[1].data)
     np.testing.assert_array_equal(moved[faces], grid.point_data["uL"][faces])
     assert not np.isnan(moved).any()
+
+
+BLOCK = """wfl 1
+param E = 3
+param grip = 0.2
+mesh box [0] to [1] cells [4]
+region left = faces where x == 0
+region right = faces where x == 1
+unknown u : scalar
+data k : scalar = 1
+term stress on all : E*k*Grad_u.Grad_Test_u
+term friction on right : Ball_projection(10*(u - Previous_u), grip)*Test_u
+fix u = 0 on left
+load u = t on right
+steps t = 0.1 to 0.5 by 0.1
+measure end = value(u) at [1]
+"""
+
+
+def test_derivatives_are_those_of_the_closed_form():
+    scene = wfl.Scene.from_text(BLOCK)
+    result = scene.run(gradients=True)
+    gradient = result.gradient("end", ["E", "grip", "field k"])
+    # it slides with the friction `grip`: u = (0.5 - grip)/E at its end, and k is E where it is one
+    end = result.measures["end"][-1]
+    assert np.isclose(end, 0.1, rtol=1e-9)
+    assert np.isclose(gradient["E"], -end / 3, rtol=1e-9)
+    assert np.isclose(gradient["grip"], -1 / 3, rtol=1e-9)
+    assert gradient["field k"].shape == (5,)
+    assert np.isclose(gradient["field k"].sum(), 3 * gradient["E"], rtol=1e-9)
+    value, slope = scene.value_and_gradient("end", ["E", "grip"], [6.0, 0.2])
+    assert slope.shape == (2,) and scene.params["E"] == 6.0
+    more, _ = scene.value_and_gradient("end", ["E", "grip"], [6.0 + 1e-5, 0.2])
+    assert np.isclose((more - value) / 1e-5, slope[0], rtol=1e-4)
+
+
+def test_derivatives_need_the_steps_of_the_run():
+    scene = wfl.Scene.from_text(BLOCK)
+    with pytest.raises(wfl.WflError, match="gradients=True"):
+        scene.run().gradient("end", ["E"])
+    with pytest.raises(wfl.WflError, match="did you mean `grip`"):
+        scene.run(gradients=True).gradient("end", ["grib"])
+    result = scene.run(gradients=True)
+    scene.data["k"] = 2.0
+    with pytest.raises(wfl.WflError, match="changed after the run"):
+        result.gradient("end", ["E"])

@@ -38,8 +38,8 @@ pub use ordered::OrderedMap;
 pub use parts::sources;
 pub use real::Real;
 pub use report::{
-    About, AttemptReport, Check, ContactCounts, EventReport, LeftOutReport, MeshReport, ParameterValue, REPORT_FILE,
-    Report, SceneText, StepReport, Stop, Timings, peak_memory_bytes, write_report,
+    About, AttemptReport, Check, ContactCounts, EventReport, GradientReport, LeftOutReport, MeshReport, ParameterValue,
+    REPORT_FILE, Report, SceneText, StepReport, Stop, Timings, peak_memory_bytes, write_report,
 };
 pub use series::Series;
 pub use vtk_cell::{VtkCell, vtk_order};

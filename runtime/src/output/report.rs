@@ -72,9 +72,23 @@ pub struct Report {
     /// was.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accuracy: Option<AccuracyRecord>,
+    /// Derivatives of results that were asked for; left out of the file if empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub gradients: Vec<GradientReport>,
     /// The scene itself.
     #[serde(flatten)]
     pub about: About,
+}
+
+/// The derivatives of one result.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct GradientReport {
+    /// The result, as it was asked for.
+    pub result: String,
+    /// Its value.
+    pub value: Real,
+    /// Its derivatives by parameter.
+    pub by: OrderedMap<ParameterValue>,
 }
 
 /// One time that an event lasted.

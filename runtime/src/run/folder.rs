@@ -13,9 +13,9 @@ use crate::{
     solve::{Linked, Precision},
 };
 
-/// What goes with the results that it was made from: the page about a run, and the table of its measures where the new
-/// run has none.
-const GO_WITH_RESULTS: [&str; 2] = ["report.html", MEASURES_FILE];
+/// What goes with the results that it was made from: the page about a run, and the tables of its measures and derivatives
+/// where the new run has none.
+const GO_WITH_RESULTS: [&str; 3] = ["report.html", MEASURES_FILE, "gradient.csv"];
 
 /// Everything that the numbers of a run follow from.
 pub(super) fn identity(scene: &Scene, options: &RunOptions) -> Identity {

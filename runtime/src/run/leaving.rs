@@ -12,6 +12,7 @@ use super::{
     balance::Balance,
     rates::{self, StepTime},
     stepping::Stepper,
+    trajectory::Passed,
 };
 use crate::{
     newton::NewtonError,
@@ -32,6 +33,13 @@ impl Stepper {
             self.balance(scene, at, u)?;
         }
         Ok(())
+    }
+
+    /// Adds a step, or a part of one, that has converged at `u` to the steps that are kept, before its states are renewed.
+    pub(super) fn keep_passed(&mut self, scene: &Solving<'_>, at: StepTime, u: &[f64], kind: Passed) {
+        if let Some(kept) = &mut self.trajectory {
+            kept.add(scene, at, u, kind);
+        }
     }
 
     /// Adds a part of a step that has converged at `u` to what friction did, before its states are renewed.

@@ -36,6 +36,7 @@ mod stability;
 mod standing;
 mod state;
 mod stepping;
+mod trajectory;
 mod watched;
 
 use std::{
@@ -55,13 +56,14 @@ pub use session::{Session, Standing};
 pub use state::State as RunState;
 pub use stepping::FRUITLESS;
 use thiserror::Error;
+pub use trajectory::{Passed, PassedStep, Trajectory};
 
 use crate::{
     assemble::BranchCounts,
     checks::{Accuracy, NarrowZone, Others, PhysicsCheck, TurnedCells, Unstable, Zigzag},
     contact::{Creep, FrictionWork, SlidPast, slid_past_faces},
     finite::{BadGiven, BadMeasure, BadOutput},
-    newton::{Iteration, NewtonError, StepHistory, Stop, Watch},
+    newton::{NewtonError, StepHistory, Stop},
     output::{Hash, OutputDir, OutputError, Piece, State, write_report},
     scene::{Scene, Solving},
     system::Form,
@@ -223,21 +225,6 @@ pub enum RunError {
     Checkpoint(#[from] CheckpointError),
 }
 
-/// Tells the iterations of an attempt.
-struct Forward<'p> {
-    progress: &'p mut dyn Progress,
-}
-
-impl Watch for Forward<'_> {
-    fn iteration(&mut self, iteration: &Iteration) {
-        self.progress.iteration(iteration);
-    }
-
-    fn stops(&mut self) -> bool {
-        self.progress.stops()
-    }
-}
-
 /// Runs a scene, in the current pool of threads if it has as many as the options ask for, else in one of its own.
 ///
 /// # Errors
@@ -345,8 +332,10 @@ impl Run {
         scene.forget_given();
         let mut stepper = Stepper::new(options.of_solver(scene));
         stepper.friction = Friction::of(scene).filter(|_| options.judge);
+        let u = scene.start().map_err(|bad| RunError::Start(Box::new(bad)))?;
+        stepper.trajectory = Trajectory::begin(options, &u);
         Ok(Self {
-            u: scene.start().map_err(|bad| RunError::Start(Box::new(bad)))?,
+            u,
             stepper,
             // growing by doubling would hold them twice
             steps: Vec::with_capacity(scene.steps.listed().unwrap_or(0)),
@@ -569,6 +558,7 @@ impl Run {
         step.creep = friction.and_then(|f| f.creep);
         self.clock.check += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
+        self.stepper.keep_passed(scene, at, &self.u, Passed::of(&step.history));
         let left = self.stepper.leave(scene, at, &mut self.u);
         left.map_err(|error| RunError::Newton { step: number, time, error })?;
         self.stepper.remember(scene, increment, &self.u);

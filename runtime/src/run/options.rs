@@ -44,6 +44,8 @@ pub struct RunOptions {
     pub savings: Vec<Saving>,
     /// The unknowns of every step stay in memory, not only those of the last one.
     pub keep_states: bool,
+    /// Every step stays in memory with all that derivatives of results need: [`super::Outcome::trajectory`].
+    pub keep_trajectory: bool,
     /// Numbers of the steps whose outputs stay in memory, see [`super::Outcome::kept`].
     pub keep_outputs: Vec<usize>,
     /// Converged states are judged: digits, equilibrium, conditions of contact. Runs on the way to another one need none.
@@ -71,6 +73,7 @@ impl RunOptions {
             about: About::default(),
             savings: Vec::new(),
             keep_states: false,
+            keep_trajectory: false,
             keep_outputs: Vec::new(),
             judge: true,
         }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use wfl::Diagnostic;
 
 use super::{
-    Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult,
+    Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult, Trajectory,
     events::episodes,
     files::{StepFiles, write_measures},
     findings, folder, friction,
@@ -28,6 +28,8 @@ pub struct Outcome {
     pub report: Report,
     /// Files written.
     pub files: Vec<PathBuf>,
+    /// The run as a sequence of states, where [`RunOptions::keep_trajectory`] asks for it.
+    pub trajectory: Option<Trajectory>,
     /// What the outputs of the scene hold at the steps of [`RunOptions::keep_outputs`].
     pub kept: Vec<KeptStep>,
     /// Expectations of the scene: place and whether they hold.
@@ -137,12 +139,13 @@ impl Run {
         report.events = events.iter().map(|(name, list)| (name.as_str(), list.iter().map(event).collect())).collect();
         report.error = error.map(ToString::to_string);
         let friction_untested = friction::untested(scene, &self.steps).filter(|_| options.judge);
-        let (kept, equations) = (self.kept, scene.now());
+        let (kept, equations, trajectory) = (self.kept, scene.now(), self.stepper.trajectory);
         let (steps, files) = (self.steps, Vec::new());
         Outcome {
             steps,
             report,
             files,
+            trajectory,
             kept,
             expectations,
             known,

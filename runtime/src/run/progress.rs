@@ -5,7 +5,7 @@
 use wfl_compiler::ir::Origin;
 
 use super::StepResult;
-use crate::newton::Iteration;
+use crate::newton::{Iteration, Watch};
 
 /// Events of a run.
 pub trait Progress: Send {
@@ -33,3 +33,18 @@ pub trait Progress: Send {
 pub struct Quiet;
 
 impl Progress for Quiet {}
+
+/// Tells the iterations of an attempt.
+pub(super) struct Forward<'p> {
+    pub(super) progress: &'p mut dyn Progress,
+}
+
+impl Watch for Forward<'_> {
+    fn iteration(&mut self, iteration: &Iteration) {
+        self.progress.iteration(iteration);
+    }
+
+    fn stops(&mut self) -> bool {
+        self.progress.stops()
+    }
+}

@@ -22,15 +22,17 @@ use crate::{
     newton::{LinearSolver, LoadStep, NewtonError, NewtonOptions, Rounding, Spent, StepHistory, solve_step},
     rates::Rates,
     run::{
-        Attempt, AttemptEnd, Clock, Forward, Path, Progress,
+        Attempt, AttemptEnd, Clock, Path, Progress,
         balance::Balance,
         friction::Friction,
         leg::Leg,
         memory::Memory,
+        progress::Forward,
         rates::{self, StepTime},
         remembered::Adaptive,
         stability::Stability,
         state::Snapshot,
+        trajectory::{Passed, Trajectory},
     },
     scene::{Scene, Solving},
     solve::SolverOptions,
@@ -115,6 +117,8 @@ pub(super) struct Stepper {
     pub(super) stability: Stability,
     /// What is kept of friction, where that is asked for.
     pub(super) friction: Option<Friction>,
+    /// The steps so far, where somebody wants them.
+    pub(super) trajectory: Option<Trajectory>,
     /// By term the branches at the end of a step for which nothing was solved.
     pub(super) branches: Option<Vec<BranchCounts>>,
     /// An error of the linear solver gets its reason: that takes longer than another attempt.
@@ -137,6 +141,7 @@ impl Stepper {
             balance: None,
             stability: Stability::default(),
             friction: None,
+            trajectory: None,
             branches: None,
             explains: true,
         }
@@ -201,6 +206,7 @@ impl Stepper {
                     if parts.path == Path::Steps {
                         self.keep_sums(&mut start);
                         self.slide(scene, u);
+                        self.keep_passed(scene, at, u, Passed::Part);
                         self.leave(scene, at, u)?;
                         scene.system.known.keep(u);
                     }

@@ -241,6 +241,7 @@ fn why(placed: &PlacedLaw, choice: RuleChoice, reasons: &Reasons) -> String {
 fn summary(placed: &PlacedLaw, choice: RuleChoice, why: String, domain: &Domain) -> TermSummary {
     TermSummary {
         name: placed.law.name.clone(),
+        origin: placed.origin,
         span: placed.span,
         place: placed.place.clone(),
         class: placed.law.class,

@@ -144,6 +144,31 @@ impl Prescribed {
         }
     }
 
+    /// By `fix` and region: its statement, and the positions at which its formula is evaluated.
+    pub(crate) fn places(&self) -> impl Iterator<Item = (Span, &[[f64; 3]])> {
+        self.fixes.iter().map(|fix| (fix.statement, fix.positions.as_slice()))
+    }
+
+    /// What the numbers of every `fix` make of a linear functional of the prescribed dofs, which are in local frames: the
+    /// transpose of [`Self::apply`].
+    pub(crate) fn transposed(&self, functional: &[f64]) -> Vec<Vec<f64>> {
+        let zeros = |fix: &Fix| vec![0.0; fix.positions.len() * fix.value.n_components()];
+        let mut out: Vec<Vec<f64>> = self.fixes.iter().map(zeros).collect();
+        // of several numbers for a dof the last one counts
+        for (dof, n) in self.plain.iter().map(|(dof, n)| (*dof, *n)).collect::<BTreeMap<usize, Number>>() {
+            out[n.fix][n.place] += n.factor * functional[dof];
+        }
+        for node in &self.tilted {
+            let mut along = functional[node.frame.first..][..node.numbers.len()].to_vec();
+            for (i, (row, n)) in node.triangle.iter().zip(&node.numbers).enumerate().rev() {
+                let share = along[i] / row[i];
+                out[n.fix][n.place] += n.factor * share;
+                along.iter_mut().zip(&row[..i]).for_each(|(a, c)| *a -= c * share);
+            }
+        }
+        out
+    }
+
     /// The dofs that are removed from the system; of a node with a local frame those of its first axes.
     #[must_use]
     pub fn dofs(&self) -> BTreeSet<usize> {

@@ -253,6 +253,11 @@ impl Measure {
         Some(sampled.domain.clone())
     }
 
+    /// Its expression on each set of its points.
+    pub(crate) fn parts(&self) -> &[(Value, Sampled)] {
+        &self.parts
+    }
+
     /// True if it reads the end of the previous step.
     #[must_use]
     pub fn reads_past(&self) -> bool {

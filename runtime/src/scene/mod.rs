@@ -121,6 +121,7 @@ pub use samples::{SampleAt, Samples, StateAt};
 pub use sampling::{Bodies, NO_SAMPLING, Sampling, parts};
 pub use states::StateUpdate;
 pub(crate) use tables::TablesOf;
+pub(crate) use terms::Origin;
 pub use terms::RuleChoice;
 
 /// A quantity printed and reported at each step.
@@ -155,6 +156,8 @@ pub struct PrepareTimes {
 pub struct TermSummary {
     /// Its name.
     pub name: String,
+    /// Which statement it comes from.
+    pub(crate) origin: Origin,
     /// Its statement.
     pub span: Span,
     /// Its region.

@@ -16,7 +16,7 @@ use wfl_compiler::{
 };
 
 use super::edges;
-use super::terms::{Loaded, PlacedLaw, TermMaker, component};
+use super::terms::{Loaded, Origin, PlacedLaw, TermMaker, component};
 use crate::{
     assemble::Domain,
     element::Family,
@@ -30,13 +30,14 @@ impl TermMaker<'_> {
     /// The forces of one `load` at the nodes of a region.
     pub(super) fn point_load(
         &mut self,
-        load: &wfl::Condition,
+        numbered: (Origin, &wfl::Condition),
         name: &str,
         target: &wfl::ast::Target,
         place: &Ident,
         nodes: &[NodeId],
         out: &mut Vec<PlacedLaw>,
     ) {
+        let (origin, load) = numbered;
         let Some(position) = self.parts.fields.iter().position(|f| f.name == target.field.name) else { return };
         let field = &self.parts.fields[position];
         let part = match &target.part {
@@ -69,7 +70,7 @@ impl TermMaker<'_> {
         let description = format!("a region of {} nodes", nodes.len());
         let sig = PlaceSig { name: place.name.clone(), description, ..global_place(self.parts.fields.len()) };
         let before = out.len();
-        self.push(&sig, name, source, Some(RegionSet::Nodes(nodes.to_vec())), load.span, out);
+        self.push(&sig, name, source, (Some(RegionSet::Nodes(nodes.to_vec())), origin, load.span), out);
         for law in &mut out[before..] {
             law.at_nodes = Some(domain.clone());
             law.load = Some(Loaded { field: position, span: load.span, normal: false });

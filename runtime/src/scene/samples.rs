@@ -4,11 +4,11 @@
 //! An expression is evaluated on every body where it is defined, else on the faces of the terms with kinks (contact),
 //! else on all faces with terms. It is compiled on demand, so a run that is not compared has no cost. Does not judge.
 
-use std::{cell::Cell, sync::Arc};
+use std::{cell::Cell, collections::BTreeMap, sync::Arc};
 
 use serde::{Deserialize, Serialize};
 use wfl::{Diagnostic, ResolvedScript, ast::Expr};
-use wfl_compiler::{Class, Env, backend::KernelBackend};
+use wfl_compiler::{Class, Constant, Env, backend::KernelBackend, types::FieldSig};
 
 use super::{
     Parts, Scene, SceneBox,
@@ -131,6 +131,11 @@ impl Scene {
             tables: &self.env.tables,
             equal_within: 0.0,
         }
+    }
+
+    /// What expressions see with other fields and parameters than those of the scene, its mappings included.
+    pub(crate) fn env_with<'a>(&'a self, fields: &'a [FieldSig], params: &'a BTreeMap<String, Constant>) -> Env<'a> {
+        Env { fields, params, mappings: &self.env.mappings, ..self.open_env() }
     }
 
     /// What its statements are read with.

@@ -42,6 +42,12 @@ pub struct StateUpdate {
 }
 
 impl StateUpdate {
+    /// The expression at its points, in the order of the nodes of the state; `None` where it reads through a mapping, which
+    /// leaves out points without an image.
+    pub(crate) fn at_points(&self) -> Option<(&Value, &Sampled)> {
+        self.nodes.is_none().then_some((&self.value, &self.sampled))
+    }
+
     /// Its next values, in the order of its nodes, from the solution `u` at the end of a step. Points without an image
     /// under the mapping of the update keep theirs.
     pub fn next(&self, system: &System, time: f64, increment: f64, u: &[f64]) -> Vec<f64> {

@@ -17,7 +17,7 @@ use crate::{
     mesh::{CellKind, Mesh, RegionKind, RegionSet},
     quadrature::{Rule, beside_axis, composite, nodal, one_per_node, vertex},
     scene::{
-        Parts,
+        Parts, Scene,
         constants::number,
         fields::{global_place, place_sig},
         regions::NamedRegion,
@@ -34,6 +34,15 @@ pub(super) struct Loaded {
     pub(super) normal: bool,
 }
 
+/// Which statement a law comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Origin {
+    /// `term`, `energy`: its number among them.
+    Term(usize),
+    /// `load`: its number, and that of its target.
+    Load(usize, usize),
+}
+
 /// A compiled term with its place, before kernels and dofs.
 pub(super) struct PlacedLaw {
     pub(super) law: TermLaw,
@@ -48,6 +57,7 @@ pub(super) struct PlacedLaw {
     pub(super) at_nodes: Option<Arc<Domain>>,
     /// What it is as a load, if it is one.
     pub(super) load: Option<Loaded>,
+    pub(super) origin: Origin,
     pub(super) span: Span,
 }
 
@@ -83,14 +93,14 @@ impl TermMaker<'_> {
                 }
                 let source =
                     if term.energy { TermSource::Energy(&term.expr) } else { TermSource::Residual(&term.expr) };
-                self.push(&sig, &name, source, set, term.span, &mut out);
+                self.push(&sig, &name, source, (set, Origin::Term(k), term.span), &mut out);
             }
         }
         for (k, load) in self.parts.script.loads.iter().enumerate() {
-            for target in &load.targets {
+            for (number, target) in load.targets.iter().enumerate() {
                 let mut list = Listed::default();
                 for place in &load.places {
-                    self.load((k, load), target, place, &mut list, &mut out);
+                    self.load((Origin::Load(k, number), load), target, place, &mut list, &mut out);
                 }
             }
         }
@@ -102,10 +112,10 @@ impl TermMaker<'_> {
         sig: &PlaceSig,
         name: &str,
         source: TermSource<'_>,
-        set: Option<RegionSet>,
-        span: Span,
+        of: (Option<RegionSet>, Origin, Span),
         out: &mut Vec<PlacedLaw>,
     ) {
+        let (set, origin, span) = of;
         let compiled = compile_term(self.parts.env, sig, name, source);
         for d in compiled.diagnostics {
             if !self.diagnostics.contains(&d) {
@@ -118,7 +128,8 @@ impl TermMaker<'_> {
             let kinked = law.class == Class::Kinked;
             let frozen = if kinked { compile_frozen(self.parts.env, sig, name, &law.listing, branches) } else { None };
             let prints = compile_prints(self.parts.env, sig, name, &law.listing);
-            out.push(PlacedLaw { law, frozen, prints, place: sig.name.clone(), set, at_nodes: None, load: None, span });
+            let place = sig.name.clone();
+            out.push(PlacedLaw { law, frozen, prints, place, set, at_nodes: None, load: None, origin, span });
         }
     }
 
@@ -140,21 +151,22 @@ impl TermMaker<'_> {
 
     fn load<'s>(
         &mut self,
-        numbered: (usize, &wfl::Condition),
+        numbered: (Origin, &wfl::Condition),
         target: &wfl::ast::Target,
         place: &'s Ident,
         list: &mut Listed<'s>,
         out: &mut Vec<PlacedLaw>,
     ) {
-        let (k, load) = numbered;
+        let (origin, load) = numbered;
         let Some(position) = self.parts.fields.iter().position(|f| f.name == target.field.name) else { return };
         let Some(region) = self.parts.regions.get(&place.name) else { return };
         let set = Some(region.set.clone());
         let Some(Some(of_list)) = list.rest(self.parts.mesh, place, set, self.diagnostics) else { return };
         let field = &self.parts.fields[position];
+        let Origin::Load(k, _) = origin else { return };
         let name = format!("load{} of {} on {}", k + 1, target.field.name, place.name);
         if let RegionSet::Nodes(nodes) = &of_list {
-            self.point_load(load, &name, target, place, nodes, out);
+            self.point_load((origin, load), &name, target, place, nodes, out);
             return;
         }
         let set = restricted(field, &of_list);
@@ -179,7 +191,7 @@ impl TermMaker<'_> {
         };
         let source = TermSource::Load { value: &load.value, field: FieldId::new(position), part };
         let before = out.len();
-        self.push(&sig, &name, source, Some(set), load.span, out);
+        self.push(&sig, &name, source, (Some(set), origin, load.span), out);
         let own = Loaded { field: position, span: load.span, normal: part == LoadPart::Normal };
         out[before..].iter_mut().for_each(|law| law.load = Some(own));
     }
@@ -228,6 +240,21 @@ impl<'s> Listed<'s> {
         let adds = mesh.team().any(!rest.is_empty()) || mesh.team().all(set.is_empty());
         self.before.push((place, set));
         adds.then_some(Some(rest))
+    }
+}
+
+impl Scene {
+    /// The field that a load acts on, and which part of it; `None` for a component that is none.
+    pub(crate) fn load_part(&self, target: &wfl::ast::Target) -> Option<(FieldId, LoadPart)> {
+        let position = self.system.fields.iter().position(|f| f.name == target.field.name)?;
+        let part = match &target.part {
+            TargetPart::Whole => LoadPart::Whole,
+            TargetPart::Normal => LoadPart::Normal,
+            TargetPart::Component(e) => {
+                LoadPart::Component(component(&self.open_env(), e, &self.system.fields[position], &mut Vec::new())?)
+            }
+        };
+        Some((FieldId::new(position), part))
     }
 }
 

@@ -1,5 +1,5 @@
 //! What is done with scenes, without a terminal: a scene file is read and judged, the end of a run is told, a setting is
-//! found for a wanted accuracy, many settings are run and compared, a scene is driven to its extremes, a foreign assembly
+//! found for a wanted accuracy, derivatives are compared with differences, many settings are run and compared, a scene is driven to its extremes, a foreign assembly
 //! string becomes statements.
 //!
 //! The command, a server or a binding calls these doors; who wants to hear how long work goes on hands over a
@@ -14,6 +14,7 @@ pub mod ending;
 mod exact;
 pub mod extremes;
 pub mod folder;
+pub mod gradient;
 pub mod import;
 mod listener;
 pub mod scene_file;

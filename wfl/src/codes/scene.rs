@@ -425,6 +425,17 @@ pub(super) const PAGES: &[CodePage] = &[
         "unknown p : scalar\nterm flow on all : Grad_p.Grad_Test_p\nload p = 1 on all\nfix p = 0 on west\nbalance water of p",
     ),
     page(
+        "E470",
+        "a derivative that does not exist, or not yet",
+        "`--gradient` differentiates measures in parameters of terms, loads, states, prescribed and first values, data and \
+         measures. No derivative follows parameters of the mesh, of regions, mappings, steps and options, values `auto`, rates \
+         beyond backward Euler, several ranks, steps that did not converge and a singular tangent at the solution. A share or \
+         a count of points jumps: its derivative is zero wherever it has one; the mean of what the condition compares changes \
+         smoothly. The message has the place and what to do; differences of whole runs (`wfl sweep`) do for the rest.",
+        "measure share = mean(if Norm(u) > 1 then 1 else 0) on all",
+        "measure excess = mean(pos_part(Norm(u) - 1)) on all",
+    ),
+    page(
         "E501",
         "units that do not match",
         "Both sides of a sum must have the same unit. Units are checked as soon as a param, field or datum has one. A \

@@ -642,6 +642,16 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver newton with tol=1e-10",
     ),
     page(
+        "W660",
+        "a derivative at a kink",
+        "At the end of a step points are between two branches within 1e-9 of what they compare: between stick and slip, open \
+         and closed, or two points share the largest value of a measure. There a result has one derivative for changes to one \
+         side and another one to the other; that of the adjoint is the side of the branch that the law takes (contact, stick). \
+         `wfl verify --gradient` shows both sides by differences of runs.",
+        "load u = [at_onset, 0] on east",
+        "load u = [beyond_onset, 0] on east",
+    ),
+    page(
         "W702",
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \

@@ -33,6 +33,11 @@ const WEDGED: &str = "mesh box [-3,0] to [3,4] cells [12,10] quad map [x + (y-2)
     quadrature on fault vertex\nfix uL, uR = [0,0] on bottom\nfix uL(1) = 0 on west\nload uR = [-3,0] on east\n\
     load uR = [0.7*t,-t] on top\nsteps t = 0 to 4 by 1\n";
 
+/// A number that a spring and friction hold: at the bound of the friction, for P = 2.
+const AT_BOUND: &str = "mesh box [0] to [1] cells [1] segment\nparam P = 2\nparam r = 1\nunknown d : scalar global\n\
+    term law on global : (d + Ball_projection(d, r) - P)*Test_d\nmeasure moved = max(d) on global\n\
+    measure share = mean(if d > 0 then 1 else 0) on global\n";
+
 /// Values at the nodes of [`FLOW`].
 const NODES: &str = "x,y,k\n0,0,1\n0.5,0,1\n1,0,1\n0,0.5,1\n0.5,0.5,1\n1,0.5,1\n0,1,1\n0.5,1,1\n1,1,1\n";
 
@@ -182,6 +187,9 @@ pub(crate) fn pairs() -> Vec<Pair> {
 
 fn errors() -> Vec<Pair> {
     vec![
+        Pair::new("E470", AT_BOUND)
+            .command("run scene.wfl --gradient share --with P")
+            .near("if d > 0 then 1 else 0", "pos_part(d)"),
         Pair::new("E601", flow("term law on all : log(p - 5)*Test_p")).near("log(p - 5)", "log(p + 5)"),
         Pair::new("E602", FLOW.replace("fix p = 0", "load p = 0")).near("load p = 0", "fix p = 0"),
         Pair::new("E603", flow("term law on all : p^3*Test_p\nsolver newton with max_iter=1"))
@@ -307,6 +315,7 @@ fn warnings() -> Vec<Pair> {
         Pair::new("W647", HEATED).near("-Dot_T", "Dot_T"),
         Pair::new("W648", BEAM).near("unknown u : vector", "unknown u : vector Q2"),
         Pair::new("W649", SOAKED).near("3e-5 by 1e-5", "0.15 by 0.05"),
+        Pair::new("W660", AT_BOUND).command("run scene.wfl --gradient moved --with P").near("r = 1\n", "r = 0.5\n"),
         Pair::new("W702", flow("param k = 1")).near("param k = 1", "param k = 1\nload p = k on all"),
     ]
 }

@@ -7,10 +7,11 @@ import html
 import json
 import math
 import tempfile
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Iterator, Mapping, Sequence
 
-from ._messages import Message
+from ._messages import Message, WflWarning
 
 if TYPE_CHECKING:
     import meshio
@@ -279,6 +280,26 @@ class Result(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._fields)
+
+    def gradient(self, result: str, parameters: Sequence[str]) -> dict[str, float | Array]:
+        """The derivatives of a measure by name: in a parameter a number (an array, first index fastest, for one of several
+        numbers), in ``"field k"`` an array of shape ``(n_nodes, *shape)``. The run needs ``gradients=True``.
+
+        ``result`` is ``"Fn"`` at the last step, ``"Fn at t=4.5"``, ``"sum(Fn)"`` or ``"mean(Fn)"`` over the steps.
+        """
+        return self.value_and_gradient(result, parameters)[1]
+
+    def value_and_gradient(self, result: str, parameters: Sequence[str]) -> tuple[float, dict[str, float | Array]]:
+        """The value of a result, and its derivatives as :meth:`gradient` has them."""
+        told = self._outcome.gradient(self._native, result, ", ".join(parameters))
+        for text in told["warnings"]:
+            warnings.warn(f"W660: {text}", WflWarning, stacklevel=3)
+        made: dict[str, float | Array] = {}
+        for name, entries in told["parameters"].items():
+            made[name] = float(entries[0]) if len(entries) == 1 else entries
+        for name, values in told["fields"].items():
+            made[f"field {name}"] = _shaped(self._fields[name], values)
+        return told["value"], made
 
     @property
     def u(self) -> Array:

@@ -6,7 +6,7 @@ import os
 import sys
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, MutableMapping, Union
+from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, MutableMapping, Sequence, Union
 
 from . import _wfl
 from ._messages import Message, WflError, WflWarning
@@ -345,6 +345,7 @@ class Scene:
         on_iteration: Callable[[Iteration], Any] | None = None,
         keep_states: bool = False,
         outputs: bool = True,
+        gradients: bool = False,
         check: bool = True,
     ) -> Result:
         """Solves all steps.
@@ -361,6 +362,8 @@ class Scene:
             Called after each step and each iteration, on this thread; an exception ends the run before its next iteration.
         keep_states:
             Keeps the unknowns of every step, not only of the last one.
+        gradients:
+            Keeps all that :meth:`Result.gradient` needs: the unknowns and states of every step.
         outputs:
             Keeps what the ``output`` statements ask for in memory, for pictures and grids.
         check:
@@ -386,8 +389,25 @@ class Scene:
 
         iteration_hook = None if on_iteration is None else lambda told: on_iteration(Iteration(**told))
         folder = None if out is None else os.fspath(out)
-        told, outcome = self._native.run(folder, threads, (keep_states, outputs), (step_hook, iteration_hook))
+        told, outcome = self._native.run(folder, threads, (keep_states, outputs, gradients), (step_hook, iteration_hook))
         return self._result(told, outcome, check)
+
+    def value_and_gradient(
+        self, result: str, parameters: Sequence[str], x: ArrayLike | None = None, *, threads: int | None = None
+    ) -> tuple[float, Array]:
+        """A result and its derivatives in parameters of one number each, as optimisers want them.
+
+        ``x`` has the values of the parameters, in their order; without it they keep theirs. The scene keeps the values::
+
+            minimize(lambda x: scene.value_and_gradient("misfit", ["E", "fric"], x), x0, jac=True)
+        """
+        import numpy as np
+
+        if x is not None:
+            self.set(**{name: float(value) for name, value in zip(parameters, np.asarray(x), strict=True)})
+        found = self.run(threads=threads, outputs=False, gradients=True)
+        value, gradient = found.value_and_gradient(result, parameters)
+        return value, np.array([float(gradient[name]) for name in parameters])
 
     def _result(self, told: dict[str, Any], outcome: Any, check: bool) -> Result:
         result = Result(self._native, self._fields, told, outcome)

@@ -26,7 +26,7 @@ class Scene:
         self,
         out: Optional[str],
         threads: Optional[int],
-        keep: tuple[bool, bool],
+        keep: tuple[bool, bool, bool],
         hooks: tuple[Optional[Callable[[dict[str, Any]], Any]], Optional[Callable[[dict[str, Any]], Any]]],
     ) -> tuple[dict[str, Any], Outcome]: ...
     def step(self, on_iteration: Optional[Callable[[dict[str, Any]], Any]]) -> Optional[dict[str, Any]]: ...
@@ -52,4 +52,5 @@ class State:
     u: Any
 
 class Outcome:
+    def gradient(self, scene: Scene, result: str, parameters: str) -> dict[str, Any]: ...
     def pages(self, scene: Scene, folder: str, at: list[float]) -> tuple[str, list[tuple[str, str, str]]]: ...

@@ -1,0 +1,215 @@
+//! Laws of derivatives in everything that a law reads, which adjoint equations are made of.
+//!
+//! Of a residual `R`, linear in its test functions, the derivative of the number `l.R` is compiled: test functions become
+//! the weights `l`, and what the law reads becomes the test function of its field. So one residual kernel gives what one
+//! weight vector makes of the derivatives in states, data, parameters and the past alike, by dof, however many there are.
+//! The derivative of a value times a weight is made in the same way.
+//!
+//! Behind the fields of the scene stand their companions, one a field, of the same shape and space: the values of a
+//! companion are weights, its test functions are those of the field at the end of the previous step. Promises: kinks take
+//! the branch of the value. Rates that are more than differences are not followed.
+
+use std::collections::BTreeSet;
+
+use wfl::{Checked, Diagnostic, ast::Expr};
+
+use crate::{
+    build::{Builder, Env},
+    derive::{NoDerivative, derive},
+    graph::{ExprId, Graph, Leaf, Node, Role},
+    law::{KinkKind, Listing, TermLaw, ValueLaw},
+    term::{TermSource, law_of, listing_of, value_of},
+    types::{FieldId, FieldOp, PlaceSig, Shape, Side},
+};
+
+/// The fields of a scene, with their companions behind them, behind those parameters, and last what does not move.
+#[derive(Clone, Copy, Debug)]
+pub struct Companions {
+    /// How many fields the scene has: the companion of field k is field k + n.
+    pub n_fields: usize,
+    /// How many parameters stand behind the companions.
+    pub n_parameters: usize,
+}
+
+impl Companions {
+    /// The companion of a field of the scene.
+    #[must_use]
+    pub fn of(self, field: FieldId) -> FieldId {
+        FieldId::new(field.index() + self.n_fields)
+    }
+
+    /// Whether something is differentiated in it: a field of the scene, or a parameter.
+    fn moves(self, field: FieldId) -> bool {
+        let parameters = 2 * self.n_fields..2 * self.n_fields + self.n_parameters;
+        field.index() < self.n_fields || parameters.contains(&field.index())
+    }
+
+    /// What a leaf moves by: the test function of its field, of its companion for the past.
+    fn moved(self, g: &mut Graph, leaf: Leaf) -> Option<ExprId> {
+        let test = |g: &mut Graph, field, side, op| Some(g.leaf(Leaf::Field { field, side, op, role: Role::Test }));
+        match leaf {
+            Leaf::Field { field, .. } if !self.moves(field) => None,
+            Leaf::Field { field, side, op, role: Role::Current } => test(g, field, side, op),
+            Leaf::Field { field, side, op, role: Role::Previous } => test(g, self.of(field), side, op),
+            _ => None,
+        }
+    }
+}
+
+/// The derivative of a term times weights, in all that it reads: a law whose residual has a flux for each of them. The
+/// weights are the values of the companions of the fields that the term tests.
+#[must_use]
+pub fn compile_term_gradient(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    source: TermSource<'_>,
+    companions: Companions,
+) -> Checked<TermLaw> {
+    let Checked { value, mut diagnostics } = listing_of(env, place, source);
+    let Some(Listing { mut graph, residual: Some(residual), .. }) = value else {
+        return Checked { value: None, diagnostics };
+    };
+    let weighted = derive(&mut graph, residual, &mut |g, leaf| match leaf {
+        Leaf::Field { field, side, op, role: Role::Test } => {
+            Some(g.leaf(Leaf::Field { field: companions.of(field), side, op, role: Role::Current }))
+        }
+        _ => None,
+    });
+    let law = weighted.and_then(|weighted| gradient_of(env, place, name, graph, (weighted, companions)));
+    let value = law.map_err(|none| diagnostics.push(refused(env, place, source.text(), &none))).ok();
+    Checked { value, diagnostics }
+}
+
+/// The derivative of an expression times a weight, in all that it reads. `weight` is a field of as many components as the
+/// expression has entries.
+#[must_use]
+pub fn compile_value_gradient(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    expr: &Expr,
+    weight: (FieldId, Companions),
+) -> Checked<TermLaw> {
+    let (field, companions) = weight;
+    let mut builder = Builder::new(env, place);
+    let root = builder.expr(expr).filter(|value| builder.no_tests(expr, *value, name).is_some());
+    let mut diagnostics = std::mem::take(&mut builder.diagnostics);
+    let Some(root) = root else { return Checked { value: None, diagnostics } };
+    let mut graph = builder.graph;
+    let weight = graph.leaf(Leaf::Field { field, side: Side::Here, op: FieldOp::Value, role: Role::Current });
+    let root = graph.reshape(root, graph.shape(weight));
+    let weighted = graph.inner(root, weight);
+    let law = gradient_of(env, place, name, graph, (weighted, companions));
+    let value = law.map_err(|none| diagnostics.push(refused(env, place, expr, &none))).ok();
+    Checked { value, diagnostics }
+}
+
+/// By direction the derivative of an expression in one entry of a field that is the same everywhere; `None` where the
+/// expression does not change with it.
+#[must_use]
+pub fn compile_slopes(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    expr: &Expr,
+    directions: &[(FieldId, usize)],
+) -> Checked<Vec<Option<ValueLaw>>> {
+    let mut builder = Builder::new(env, place);
+    let root = builder.expr(expr);
+    let mut diagnostics = std::mem::take(&mut builder.diagnostics);
+    let Some(root) = root else { return Checked { value: None, diagnostics } };
+    let mut graph = builder.graph;
+    let mut laws = Vec::with_capacity(directions.len());
+    for (moving, entry) in directions {
+        let slope = derive(&mut graph, root, &mut |g, leaf| match leaf {
+            Leaf::Field { field, role: Role::Current, .. } if field == *moving => Some(unit(g, leaf, *entry)),
+            _ => None,
+        });
+        match slope {
+            Ok(slope) if graph.is_zero(slope) => laws.push(None),
+            Ok(slope) => laws.push(Some(value_of(env, place, name, graph.clone(), slope))),
+            Err(none) => {
+                diagnostics.push(refused(env, place, expr, &none));
+                return Checked { value: None, diagnostics };
+            }
+        }
+    }
+    Checked { value: Some(laws), diagnostics }
+}
+
+/// One at an entry of a leaf, zero at the others.
+fn unit(g: &mut Graph, leaf: Leaf, entry: usize) -> ExprId {
+    let shape = g.leaf_shape(leaf);
+    let values: Vec<f64> = (0..shape.len()).map(|k| f64::from(u8::from(k == entry))).collect();
+    g.constant(shape, &values)
+}
+
+/// The law whose fluxes are the derivatives of a number.
+fn gradient_of(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    mut graph: Graph,
+    of: (ExprId, Companions),
+) -> Result<TermLaw, NoDerivative> {
+    let (number, companions) = of;
+    let residual = derive(&mut graph, number, &mut |g, leaf| companions.moved(g, leaf))?;
+    let tangent = graph.number(0.0);
+    Ok(law_of(env, place, name, Listing { graph, energy: None, residual: Some(residual), tangent }))
+}
+
+/// The message about an expression that has no second derivative.
+fn refused(env: &Env<'_>, place: &PlaceSig, text: &Expr, none: &NoDerivative) -> Diagnostic {
+    let d = Diagnostic::new("E111", format!("`{}` has no second derivative here", none.what));
+    Builder::new(env, place).at(d, text, "the derivative of a result in a parameter needs it")
+}
+
+/// What the kinks of a law compare: the two sides of each comparison, entry by entry, and norm and radius of each
+/// projection. A kink lies where both are one number.
+#[derive(Clone, Debug)]
+pub struct KinkSides {
+    /// `[side, other side]` of one kink after the other.
+    pub law: ValueLaw,
+    /// What each of them is.
+    pub kinds: Vec<KinkKind>,
+}
+
+/// The sides of the kinks of a term that move with the unknowns; `None` without such kinks.
+#[must_use]
+pub fn compile_kink_sides(env: &Env<'_>, place: &PlaceSig, name: &str, listing: &Listing) -> Option<KinkSides> {
+    let mut graph = listing.graph.clone();
+    let (mut kinds, mut sides, mut known) = (Vec::new(), Vec::new(), BTreeSet::new());
+    for e in graph.reachable(listing.residual?) {
+        match *graph.node(e) {
+            Node::Ball(v, r) if graph.depends(v).unknown || graph.depends(r).unknown => {
+                kinds.push(KinkKind::Ball);
+                let (norm, radius) = (graph.norm(v), graph.to_scalar(r));
+                sides.extend([norm, radius]);
+            }
+            Node::Select(mask, ..) if graph.depends(mask).unknown && known.insert(mask) => {
+                for (a, b) in compared(&graph, mask) {
+                    for k in 0..graph.shape(a).len() {
+                        kinds.push(KinkKind::Select);
+                        let pair = [graph.entry(a, k), graph.entry(b, k)];
+                        sides.extend(pair);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    let shape = Shape::new(&[sides.len()])?;
+    let root = graph.stack(shape, &sides);
+    Some(KinkSides { law: value_of(env, place, name, graph, root), kinds })
+}
+
+/// The comparisons that a mask is made of.
+fn compared(graph: &Graph, mask: ExprId) -> Vec<(ExprId, ExprId)> {
+    match *graph.node(mask) {
+        Node::Compare(_, a, b) if graph.depends(mask).unknown => vec![(a, b)],
+        Node::And(a, b) | Node::Or(a, b) => [compared(graph, a), compared(graph, b)].concat(),
+        Node::Not(a) => compared(graph, a),
+        _ => Vec::new(),
+    }
+}

@@ -1,0 +1,27 @@
+//! What a command line says of derivatives: results, and what they are differentiated in.
+
+use clap::Args as ClapArgs;
+use wfl_runtime::gradient::Request;
+
+/// Derivatives of results.
+#[derive(Clone, Debug, Default, ClapArgs)]
+pub(crate) struct GradientArgs {
+    /// Derivatives of these measures, with commas between: Fn, sum(misfit) or mean(misfit) over the steps, Fn at t=4.5
+    /// (docs/gradients.md)
+    #[arg(long, value_name = "RESULTS", requires = "with")]
+    pub(crate) gradient: Option<String>,
+    /// What they are differentiated in: E, fric, field k
+    #[arg(long, value_name = "PARAMETERS", num_args = 1.., requires = "gradient")]
+    pub(crate) with: Vec<String>,
+}
+
+impl GradientArgs {
+    /// The request; `None` for a command without one.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub(crate) fn request(&self) -> Result<Option<Request>, String> {
+        let Some(results) = &self.gradient else { return Ok(None) };
+        Request::read(results, &self.with.join(" ")).map(Some)
+    }
+}

@@ -1,0 +1,150 @@
+//! `wfl run --gradient` and `wfl verify --gradient`: derivatives of results, told and compared.
+
+use std::process::ExitCode;
+
+use serde_json::Value;
+use wfl_compiler::backend::KernelBackend;
+use wfl_runtime::{
+    Outcome, Scene,
+    gradient::{Differentiated, Gradients, Request, gradients},
+};
+use wfl_tasks::{
+    Loaded, available_threads,
+    folder::{error_line, told},
+    gradient::{Verdict, Verified, numbers, verify, write},
+};
+
+use crate::{
+    args::{RunArgs, VerifyArgs},
+    load::{out, print_all, say},
+    prepared::{EXIT_ERROR, backend, sign_of_life},
+    progress::Loudness,
+    ready::Ready,
+    table::Table,
+};
+
+/// The derivatives that a run is asked for beside its results; nothing after a message.
+#[expect(clippy::option_option, reason = "a command without derivatives is no error")]
+pub(crate) fn request(args: &RunArgs, on_ranks: bool) -> Option<Option<Request>> {
+    let refused = [
+        (args.resume, "--resume", "the steps before are not kept: run it from the start"),
+        (on_ranks, "several ranks yet", "run it without mpirun"),
+    ];
+    let request = args.gradient.request().and_then(|request| match refused.iter().find(|(given, ..)| *given) {
+        Some((_, word, help)) if request.is_some() => {
+            Err(format!("--gradient does not go with {word}\n  = help: {help}"))
+        }
+        _ => Ok(request),
+    });
+    request.inspect_err(|why| say(&error_line(why))).ok()
+}
+
+/// Differentiates a run that has ended, writes and tells what was found. False after a message.
+pub(crate) fn differentiate(
+    of: (&Loaded, &Scene, &dyn KernelBackend),
+    ready: &Ready,
+    outcome: &mut Outcome,
+    request: &Request,
+) -> bool {
+    let (loaded, scene, backend) = of;
+    let threads = ready.options.threads;
+    let run = Differentiated { scene, script: &loaded.script, outcome, backend, threads };
+    let found = match gradients(run, request) {
+        Ok(found) => found,
+        Err(d) => {
+            print_all(std::slice::from_ref(&d), &loaded.sources);
+            return false;
+        }
+    };
+    if let Some(folder) = &ready.options.out
+        && let Err(error) = write(folder, scene, &found, &mut outcome.report)
+    {
+        say(&told(&error));
+        return false;
+    }
+    if ready.loudness != Loudness::Quiet {
+        out(&text(&found));
+    }
+    warn(&found);
+    true
+}
+
+/// What there is to tell of points between two branches, and of parameters.
+fn warn(found: &Gradients) {
+    found.near.iter().for_each(|near| say(&format!("warning[W660]: {}\n", near.text())));
+    found.notes.iter().for_each(|note| say(&format!("note: {note}\n")));
+}
+
+/// The derivatives as a table.
+fn text(found: &Gradients) -> String {
+    let mut table = Table::new("derivatives", &["result", "value", "in", "derivative"]);
+    for result in &found.results {
+        let one = Gradients { results: vec![result.clone()], ..Gradients::default() };
+        for (name, value) in numbers(&one) {
+            let parameter = name.strip_prefix(&format!("{}_by_", result.name)).unwrap_or(&name).to_owned();
+            let shown = [result.value, value].map(wfl_tasks::words::number);
+            let [of, by] = shown.map(Value::from);
+            table.push(vec![result.name.clone().into(), of, parameter.into(), by]);
+        }
+        for (field, values) in &result.fields {
+            let sum: f64 = values.iter().sum();
+            let shown = format!("{} in all, by node in a file", wfl_tasks::words::number(sum));
+            let value = wfl_tasks::words::number(result.value).into();
+            table.push(vec![result.name.clone().into(), value, format!("field {field}").into(), shown.into()]);
+        }
+    }
+    format!(
+        "\n{}  {} solutions with the transposed tangent, {} factors, {:.2} s\n",
+        table.text(),
+        found.solutions,
+        found.factorisations,
+        found.seconds
+    )
+}
+
+/// Compares derivatives with differences of whole runs.
+pub(crate) fn compare(args: &VerifyArgs, request: &Request) -> ExitCode {
+    let Some(backend) = backend(false) else { return ExitCode::from(EXIT_ERROR) };
+    let preparing = sign_of_life();
+    let of = Verified {
+        file: &args.scene.scene,
+        overrides: &args.scene.overrides,
+        request,
+        backend: &*backend,
+        threads: available_threads(),
+    };
+    let verified = verify(of);
+    drop(preparing);
+    let (rows, found) = match verified {
+        Ok(verified) => verified,
+        Err(why) => {
+            say(&if why.starts_with("error") { why } else { format!("error: {why}") });
+            return ExitCode::from(EXIT_ERROR);
+        }
+    };
+    let columns = ["result", "in", "derivative", "difference", "to more", "to less", ""];
+    let mut table = Table::new("derivatives and differences of runs", &columns);
+    for row in &rows {
+        let verdict = match row.verdict {
+            Verdict::Agrees => "",
+            Verdict::OneSide => "a kink: that of one side",
+            Verdict::Unclear => "differences too rough to tell",
+            Verdict::Disagrees => "WRONG",
+        };
+        let [a, b, c, d] = [row.derivative, row.central, row.forward, row.backward].map(wfl_tasks::words::number);
+        let names = [row.result.clone(), row.parameter.clone()];
+        table.push(names.into_iter().chain([a, b, c, d, verdict.to_owned()]).map(Value::from).collect());
+    }
+    out(&table.text());
+    warn(&found);
+    let wrong: Vec<String> = rows
+        .iter()
+        .filter(|row| row.verdict == Verdict::Disagrees)
+        .map(|row| format!("{} in {}", row.result, row.parameter))
+        .collect();
+    if wrong.is_empty() {
+        return ExitCode::SUCCESS;
+    }
+    say(&format!("error: derivatives that agree with no difference of runs: {}\n", wrong.join(", ")));
+    ExitCode::from(EXIT_ERROR)
+}

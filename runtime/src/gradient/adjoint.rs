@@ -1,0 +1,429 @@
+//! From the last step to the first one: a solution with the transposed tangent for each step and result.
+
+use std::collections::BTreeMap;
+
+use wfl::{DataValue, Diagnostic, FieldKind as Declared, ResolvedScript, StartKind};
+use wfl_compiler::types::FieldKind;
+
+use super::{
+    Differentiated, Gradient, Gradients, Request,
+    extended::{Extended, Live},
+    formulas::Formula,
+    laws::{Laws, Of},
+    measures::{Weighed, weighed},
+    near::{Kinks, NearKink, join},
+    parameters::to_declared,
+    refused::{self, not_made},
+    transposed::Transposed,
+};
+use crate::{
+    Passed, PassedStep, Trajectory,
+    assemble::FieldValues,
+    scene::{Solving, node_positions},
+};
+
+/// The transposed equations hold to this part of their right-hand side, or the tangent is not that of the laws.
+const AGREEMENT: f64 = 1e-6;
+
+/// What a result changes with at the end of a step.
+#[derive(Clone)]
+struct Cotangent {
+    /// By dof, in the axes of the scene.
+    u: Vec<f64>,
+    /// By field that is not solved for.
+    known: Vec<Vec<f64>>,
+}
+
+impl Cotangent {
+    /// True if a result changes with nothing of it.
+    fn is_zero(&self) -> bool {
+        self.u.iter().chain(self.known.iter().flatten()).all(|x| *x == 0.0)
+    }
+}
+
+/// The derivatives of one result.
+struct Sums {
+    /// By entry of the parameters that change.
+    live: Vec<f64>,
+    /// By data field, over all steps.
+    data: Vec<Vec<f64>>,
+}
+
+/// The run, backwards.
+struct Backwards<'a, 's> {
+    of: Differentiated<'a>,
+    trajectory: &'a Trajectory,
+    extended: &'a Extended<'a>,
+    laws: Laws,
+    formulas: Formulas,
+    solving: Solving<'s>,
+    transposed: Transposed,
+    /// The vector of all derivatives, of one law after the other.
+    out: Vec<f64>,
+}
+
+/// The derivatives of all results of a request.
+pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) -> Result<Gradients, Box<Diagnostic>> {
+    let Differentiated { scene, script, outcome, backend, .. } = of;
+    let names: Vec<&str> = live.iter().map(|l| l.name.as_str()).collect();
+    refused::places(script, &names)?;
+    let trajectory = outcome.trajectory.as_ref().ok_or_else(|| not_made("the steps of the run were not kept"))?;
+    let ends: Vec<usize> =
+        trajectory.steps.iter().enumerate().filter(|(_, s)| s.kind != Passed::Part).map(|(n, _)| n).collect();
+    if ends.len() != outcome.steps.len() {
+        return Err(not_made("a run that was resumed has not kept the steps before: run it again from the start"));
+    }
+    let times: Vec<f64> = ends.iter().map(|n| trajectory.steps[*n].time).collect();
+    let mut extended = Extended::new(scene, live.to_vec());
+    let (results, of_measures) = weighed(&mut extended, script, request, &times)?;
+    let laws = Laws::new(&extended, script, of_measures, backend)?;
+    let kinks = Kinks::new(&extended, backend)?;
+    let mut equations = outcome.equations.clone();
+    let n_entries = extended.n_entries;
+    let mut run = Backwards {
+        formulas: Formulas::new(&extended, script)?,
+        of,
+        trajectory,
+        extended: &extended,
+        laws,
+        solving: scene.solving(&mut equations),
+        transposed: Transposed::default(),
+        out: vec![0.0; n_entries],
+    };
+    let ends: BTreeMap<usize, usize> = ends.into_iter().enumerate().map(|(k, n)| (n, k)).collect();
+    let (sums, near) = run.all_steps(&results, &ends, &kinks)?;
+    let (solutions, factorisations) = (run.transposed.solutions, run.transposed.factorisations);
+    let mut made = Gradients { near, solutions, factorisations, ..Gradients::default() };
+    for ((wanted, weighed), mut sum) in request.results.iter().zip(&results).zip(sums) {
+        to_declared(script, &extended, &mut sum.live)?;
+        let entries = |name: &String| {
+            let k = extended.live.iter().position(|l| l.name == *name)?;
+            Some((name.clone(), sum.live[extended.entries_of(k)].to_vec()))
+        };
+        let field = |name: &String| {
+            let k = scene.system.fields.iter().position(|f| f.name == *name)?;
+            Some((name.clone(), sum.data[k].clone()))
+        };
+        made.results.push(Gradient {
+            name: wanted.name.clone(),
+            value: value_of(of, weighed),
+            parameters: request.parameters.iter().filter_map(entries).collect(),
+            fields: request.fields.iter().filter_map(field).collect(),
+        });
+    }
+    Ok(made)
+}
+
+/// The value of a result.
+fn value_of(of: Differentiated<'_>, weighed: &Weighed) -> f64 {
+    let name = &of.scene.measures[weighed.measure].name;
+    let at = |step: &crate::StepResult| step.measures.iter().find(|m| m.0 == *name).map_or(f64::NAN, |m| m.1);
+    let counted = of.outcome.steps.iter().zip(&weighed.steps).filter(|(_, weight)| **weight != 0.0);
+    counted.map(|(step, weight)| weight * at(step)).sum()
+}
+
+/// What the formulas of a scene follow of the parameters.
+struct Formulas {
+    /// By `fix` statement that follows one.
+    fixes: Vec<Option<Formula>>,
+    /// By data field.
+    data: BTreeMap<usize, Formula>,
+    /// By field with first values.
+    starts: BTreeMap<usize, Formula>,
+}
+
+impl Formulas {
+    fn new(extended: &Extended<'_>, script: &ResolvedScript) -> Result<Self, Box<Diagnostic>> {
+        let position = |name: &str| extended.scene.system.fields.iter().position(|f| f.name == name);
+        let mut fixes = Vec::new();
+        for fix in &script.fixes {
+            let made = Formula::new(extended, "a prescribed value", &fix.value)?;
+            fixes.push(Some(made).filter(|formula| !formula.is_still()));
+        }
+        let (mut data, mut starts) = (BTreeMap::new(), BTreeMap::new());
+        for field in &script.fields {
+            if let (Declared::Data { value: DataValue::Formula(e) }, Some(k)) =
+                (&field.kind, position(&field.name.name))
+            {
+                let made = Formula::new(extended, &field.name.name, e)?;
+                if !made.is_still() {
+                    data.insert(k, made);
+                }
+            }
+        }
+        for start in &script.starts {
+            if let StartKind::Field { field, value } = &start.kind
+                && let Some(k) = position(&field.name)
+            {
+                let made = Formula::new(extended, "a first value", value)?;
+                if !made.is_still() && extended.scene.system.numbering.has_ties() {
+                    return Err(not_made("first values of nodes that follow others have no derivative yet"));
+                }
+                if !made.is_still() {
+                    starts.insert(k, made);
+                }
+            }
+        }
+        Ok(Self { fixes, data, starts })
+    }
+}
+
+impl Backwards<'_, '_> {
+    /// By result its derivatives; and the points between two branches.
+    fn all_steps(
+        &mut self,
+        results: &[Weighed],
+        ends: &BTreeMap<usize, usize>,
+        kinks: &Kinks,
+    ) -> Result<(Vec<Sums>, Vec<NearKink>), Box<Diagnostic>> {
+        let zeros: Vec<Vec<f64>> = self.solving.system.known.data.iter().map(|v| vec![0.0; v.len()]).collect();
+        let zero = Cotangent { u: vec![0.0; self.solving.system.numbering.n_dofs], known: zeros.clone() };
+        let mut carried = vec![zero.clone(); results.len()];
+        let of_one = || Sums { live: vec![0.0; self.extended.n_live()], data: zeros.clone() };
+        let mut sums: Vec<Sums> = results.iter().map(|_| of_one()).collect();
+        let mut near = Vec::new();
+        // the states behind the step that is looked at
+        let mut after: Vec<Vec<f64>> = self.solving.system.known.data.clone();
+        for n in (0..self.trajectory.steps.len()).rev() {
+            let step = &self.trajectory.steps[n];
+            let is_read = ends.get(&n).is_some_and(|end| results.iter().any(|w| w.steps[*end] != 0.0));
+            if !is_read && carried.iter().all(Cotangent::is_zero) {
+                after.clone_from(&step.states);
+                continue;
+            }
+            self.stand_at(n)?;
+            let mut before = vec![zero.clone(); results.len()];
+            if let Some(end) = ends.get(&n) {
+                self.put_states(&after);
+                for (number, weighed) in results.iter().enumerate().filter(|(_, w)| w.steps[*end] != 0.0) {
+                    let weight = weighed.steps[*end];
+                    let found = self.of_measure((number, weighed), weight, step)?;
+                    join(&mut near, found);
+                    self.spread(1.0, true, &mut carried[number], &mut before[number], &mut sums[number].live);
+                }
+                self.put_states(&step.states);
+            }
+            if step.kind == Passed::Given {
+                for (end, start) in carried.iter().zip(&mut before) {
+                    add(&mut start.u, &end.u);
+                    self.each_state(|k| add(&mut start.known[k], &end.known[k]));
+                }
+            } else {
+                join(&mut near, kinks.near(&self.solving, &step.u, (step.time, step.increment)));
+                self.transposed.is_new = true;
+                for ((end, start), sum) in carried.iter_mut().zip(&mut before).zip(&mut sums) {
+                    self.of_states(step, end, start, sum)?;
+                    self.of_equations(step, end, start, sum)?;
+                }
+            }
+            for (end, sum) in carried.iter().zip(&mut sums) {
+                self.of_data((step.time, step.increment), end, sum)?;
+            }
+            carried = before;
+            after.clone_from(&step.states);
+        }
+        for (start, sum) in carried.iter().zip(&mut sums) {
+            self.of_start(start, sum)?;
+        }
+        Ok((sums, near))
+    }
+
+    /// Brings the equations to a step: data, states and the past as its equations read them.
+    fn stand_at(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
+        let steps = &self.trajectory.steps;
+        let step = &steps[n];
+        let (past, at) = match n.checked_sub(1).map(|k| &steps[k]) {
+            Some(past) => (&past.u, (past.time, past.increment)),
+            None => (&self.trajectory.start, (step.time, step.increment)),
+        };
+        let bad = |e: crate::SystemError| not_made(&e.to_string());
+        self.put_states(&step.states);
+        self.solving.set_data(at.0, at.1).map_err(bad)?;
+        self.solving.system.known.keep(past);
+        self.solving.set_data(step.time, step.increment).map_err(bad)?;
+        if step.kind != Passed::Given {
+            self.solving.system.begin_step(step.time, step.increment).map_err(bad)?;
+        }
+        self.laws.set_step(self.solving.system.known.step(step.time, step.increment));
+        Ok(())
+    }
+
+    fn put_states(&mut self, states: &[Vec<f64>]) {
+        for state in &self.solving.scene.states {
+            self.solving.system.known.data[state.field].clone_from(&states[state.field]);
+        }
+    }
+
+    fn each_state(&self, mut f: impl FnMut(usize)) {
+        self.solving.states.iter().for_each(|state| f(state.field));
+    }
+
+    /// Evaluates laws of derivatives with weights, by position behind the fields of the scene.
+    fn evaluate(
+        &mut self,
+        wanted: impl Fn(Of) -> bool,
+        u: &[f64],
+        weights: &BTreeMap<usize, Vec<f64>>,
+    ) -> Result<(), Box<Diagnostic>> {
+        self.out.fill(0.0);
+        let values = self.solving.system.values(u);
+        let extended = self.extended;
+        let mut current = values.current.clone();
+        current.resize(extended.fields.len(), &[]);
+        for (k, live) in extended.live.iter().enumerate() {
+            current[2 * extended.n + k] = &live.values;
+        }
+        for (k, numbers) in weights {
+            current[*k] = numbers;
+        }
+        let values = FieldValues { current: &current, previous: &values.previous, rates: values.rates };
+        self.laws.add(extended, wanted, values, &mut self.out)
+    }
+
+    /// Moves what the laws gave, times a factor, to where it belongs. States are those at the end of the step for a measure,
+    /// those that the equations read for all others.
+    fn spread(&self, factor: f64, at_the_end: bool, end: &mut Cotangent, start: &mut Cotangent, live: &mut [f64]) {
+        let (extended, system) = (self.extended, &self.solving.system);
+        let scaled = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(t, f)| *t += factor * f);
+        for (k, field) in system.fields.iter().enumerate() {
+            let [now, past] = [k, k + extended.n].map(|k| &self.out[extended.range(k)]);
+            match system.range(k) {
+                Some(range) => {
+                    scaled(&mut end.u[range.clone()], now);
+                    scaled(&mut start.u[range], past);
+                }
+                None => {
+                    let is_old = field.kind == FieldKind::State && !at_the_end;
+                    scaled(if is_old { &mut start.known[k] } else { &mut end.known[k] }, now);
+                    scaled(&mut start.known[k], past);
+                }
+            }
+        }
+        scaled(live, &self.out[extended.live_range()]);
+    }
+
+    /// The derivatives of a measure at the end of a step.
+    fn of_measure(
+        &mut self,
+        result: (usize, &Weighed),
+        weight: f64,
+        step: &PassedStep,
+    ) -> Result<Option<NearKink>, Box<Diagnostic>> {
+        let (number, weighed) = result;
+        let values = self.solving.system.values(&step.u);
+        let (points, near) = weighed.at_points(&self.solving, values.view(), (step.time, step.increment));
+        drop(values);
+        let scaled = |list: Vec<f64>| list.into_iter().map(|x| weight * x).collect();
+        let weights = weighed.fields.iter().copied().zip(points.into_iter().map(scaled)).collect();
+        self.evaluate(|of| matches!(of, Of::Measure(result, _) if result == number), &step.u, &weights)?;
+        Ok(near)
+    }
+
+    /// Updates of states: what the states at the end of a step follow.
+    fn of_states(
+        &mut self,
+        step: &PassedStep,
+        end: &mut Cotangent,
+        start: &mut Cotangent,
+        sum: &mut Sums,
+    ) -> Result<(), Box<Diagnostic>> {
+        let mut weights = BTreeMap::new();
+        let n = self.extended.n;
+        for (state, points) in self.solving.scene.states.iter().zip(&self.laws.weights) {
+            let functional = std::mem::take(&mut end.known[state.field]);
+            let components = (functional.len() / points.len().max(1)).max(1);
+            // the weight of a point is in the integral that is evaluated
+            let over = |(k, x): (usize, &f64)| if *x == 0.0 { 0.0 } else { x / points[k / components] };
+            weights.insert(state.field + n, functional.iter().enumerate().map(over).collect::<Vec<f64>>());
+            end.known[state.field] = vec![0.0; functional.len()];
+        }
+        if weights.values().flatten().all(|x| *x == 0.0) {
+            return Ok(());
+        }
+        self.evaluate(|of| matches!(of, Of::State(_)), &step.u, &weights)?;
+        self.spread(1.0, false, end, start, &mut sum.live);
+        Ok(())
+    }
+
+    /// Equations: what the unknowns at the end of a step follow.
+    fn of_equations(
+        &mut self,
+        step: &PassedStep,
+        end: &mut Cotangent,
+        start: &mut Cotangent,
+        sum: &mut Sums,
+    ) -> Result<(), Box<Diagnostic>> {
+        if end.u.iter().all(|x| *x == 0.0) {
+            return Ok(());
+        }
+        let adjoint = self.transposed.solve(self.solving.system, &step.u, &end.u, self.of.threads)?;
+        let n = self.extended.n;
+        let ranges = (0..n).filter_map(|k| Some((k + n, self.solving.system.range(k)?)));
+        let weights = ranges.map(|(k, range)| (k, adjoint[range].to_vec())).collect();
+        self.evaluate(|of| of == Of::Term, &step.u, &weights)?;
+        let rhs = end.u.clone();
+        self.spread(-1.0, false, end, start, &mut sum.live);
+        // what is left is the derivative in the prescribed values, and nothing at the free dofs
+        let numbering = &self.solving.system.numbering;
+        numbering.turn(&mut end.u);
+        let size = rhs.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let free = numbering.free_dofs.iter().map(|d| end.u[*d as usize].abs()).fold(0.0, f64::max);
+        if free.is_nan() || free > AGREEMENT * size {
+            return Err(not_made(&format!(
+                "at t = {} the transposed tangent and the derivatives of the laws differ by {:.1e}",
+                step.time,
+                free / size
+            )));
+        }
+        self.of_prescribed((step.time, step.increment), &end.u, sum)
+    }
+
+    /// Prescribed values, from the derivative in them in local frames.
+    fn of_prescribed(&self, step: (f64, f64), functional: &[f64], sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
+        if self.formulas.fixes.iter().all(Option::is_none) {
+            return Ok(());
+        }
+        let prescribed = &self.solving.prescribed;
+        let numbers = prescribed.transposed(functional);
+        for ((statement, positions), numbers) in prescribed.places().zip(numbers) {
+            let stated = self.of.script.fixes.iter().position(|fix| fix.span == statement);
+            if let Some(formula) = stated.and_then(|k| self.formulas.fixes[k].as_ref()) {
+                formula.add(self.extended, (positions, step), &numbers, &mut sum.live)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Data at a step.
+    fn of_data(&self, step: (f64, f64), end: &Cotangent, sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
+        for (field, _) in &self.solving.data {
+            add(&mut sum.data[*field], &end.known[*field]);
+            if let Some(formula) = self.formulas.data.get(field) {
+                let positions = node_positions(self.solving.system, *field);
+                formula.add(self.extended, (&positions, step), &end.known[*field], &mut sum.live)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// First values, and data before the first step.
+    fn of_start(&self, start: &Cotangent, sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
+        let system = &self.solving.system;
+        for (field, formula) in &self.formulas.starts {
+            let functional = match system.range(*field) {
+                Some(range) => &start.u[range],
+                None => &start.known[*field],
+            };
+            let positions = node_positions(system, *field);
+            formula.add(self.extended, (&positions, (self.solving.steps.first(), 0.0)), functional, &mut sum.live)?;
+        }
+        match self.trajectory.steps.first() {
+            Some(first) => self.of_data((first.time, first.increment), start, sum),
+            None => Ok(()),
+        }
+    }
+}
+
+fn add(to: &mut [f64], from: &[f64]) {
+    to.iter_mut().zip(from).for_each(|(t, f)| *t += f);
+}

@@ -1,0 +1,177 @@
+//! Results: measures as weighted sums over points, whose weights are those of the reduction.
+//!
+//! An integral has the weights of its rule, a mean those over the size of its region. The largest value is that of one
+//! point, and so is its derivative; two points that share it are told.
+
+use wfl::{Diagnostic, ResolvedScript, ast::Reduction};
+use wfl_compiler::{
+    compile_value_gradient,
+    types::{FieldId, InputSlot},
+};
+
+use super::{
+    Request,
+    extended::Extended,
+    laws::{Of, Placed, acts},
+    near::{NEAR, NearKink},
+    refused::{flat, no_result},
+};
+use crate::{
+    Measure,
+    assemble::FieldValues,
+    scene::Solving,
+    value::{Sampled, Value},
+};
+
+/// The points of a measure, with numbers there that a derivative is weighted with.
+pub(super) struct Weighed {
+    /// Position of the measure in the scene.
+    pub(super) measure: usize,
+    /// By part of its points the field of their weights.
+    pub(super) fields: Vec<usize>,
+    /// By step of the trajectory that ends a step of the scene its weight in the result.
+    pub(super) steps: Vec<f64>,
+}
+
+/// Each result of a request: its measure, its points and the weights of steps that end at `times`; and the laws of their
+/// derivatives.
+pub(super) fn weighed(
+    extended: &mut Extended<'_>,
+    script: &ResolvedScript,
+    request: &Request,
+    times: &[f64],
+) -> Result<(Vec<Weighed>, Vec<Placed>), Box<Diagnostic>> {
+    let scene = extended.scene;
+    let (mut results, mut laws) = (Vec::new(), Vec::new());
+    for (number, wanted) in request.results.iter().enumerate() {
+        let measure = scene.measures.iter().position(|m| m.name == wanted.measure);
+        let declared = script.measures.iter().find(|m| m.name.name == wanted.measure);
+        let (Some(measure), Some(declared)) = (measure, declared) else {
+            let names: Vec<&str> = script.measures.iter().map(|m| m.name.name.as_str()).collect();
+            return Err(no_result(script, &wanted.measure, &names));
+        };
+        let steps = wanted.weights(times).map_err(|why| {
+            Box::new(Diagnostic::new("E470", format!("`{}`: {why}", wanted.name)).at(declared.span, "this measure"))
+        })?;
+        let (mut fields, mut any) = (Vec::new(), false);
+        for (part, (value, sampled)) in scene.measures[measure].parts().iter().enumerate() {
+            let weights = extended.add_weights(&sampled.domain);
+            let place = extended.place(&sampled.domain, value.law.mapping.is_some());
+            let of = (FieldId::new(weights), extended.companions());
+            let made = compile_value_gradient(&extended.env(), &place, &wanted.measure, &declared.expr, of);
+            let law = acts(made, &wanted.measure, &sampled.domain, Of::Measure(number, part))?;
+            any |= law.is_some() || !follows_unknowns(scene, value);
+            laws.extend(law);
+            fields.push(weights);
+        }
+        if !any {
+            return Err(flat(&wanted.measure, declared.expr.span));
+        }
+        results.push(Weighed { measure, fields, steps });
+    }
+    Ok((results, laws))
+}
+
+/// Whether an expression reads what the run finds.
+fn follows_unknowns(scene: &crate::Scene, value: &Value) -> bool {
+    value.law.inputs.iter().any(|slot| match slot {
+        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => {
+            let field = b.field.index();
+            scene.sigs[field].is_unknown() || scene.states.iter().any(|s| s.field == field)
+        }
+        _ => false,
+    })
+}
+
+impl Weighed {
+    /// By part of the points the number of each, such that the sum over the points with the weights of the rule is the
+    /// measure to first order; and what there is to tell of points that share the largest value.
+    pub(super) fn at_points(
+        &self,
+        solving: &Solving<'_>,
+        values: FieldValues<'_>,
+        step: (f64, f64),
+    ) -> (Vec<Vec<f64>>, Option<NearKink>) {
+        let measure: &Measure = &solving.measures[self.measure];
+        let mut points: Vec<Vec<[f64; 2]>> = Vec::new();
+        for (value, sampled) in measure.parts() {
+            points.push(taken(solving, (value, sampled), values, step));
+        }
+        let all = || points.iter().flatten();
+        let one = |chosen: (usize, usize)| -> Vec<Vec<f64>> {
+            let number = |part: usize, k: usize, w: f64| if (part, k) == chosen { 1.0 / w } else { 0.0 };
+            let of = |(part, list): (usize, &Vec<[f64; 2]>)| {
+                list.iter().enumerate().map(|(k, [w, _])| number(part, k, *w)).collect()
+            };
+            points.iter().enumerate().map(of).collect()
+        };
+        let same = |x: f64| points.iter().map(|list| vec![x; list.len()]).collect();
+        match measure.reduction {
+            Reduction::Integral => (same(1.0), None),
+            Reduction::Mean => (same(1.0 / all().map(|p| p[0]).sum::<f64>()), None),
+            Reduction::Max | Reduction::Value | Reduction::Min => {
+                let sign = if measure.reduction == Reduction::Min { -1.0 } else { 1.0 };
+                let mut best = ((0, 0), f64::NEG_INFINITY);
+                for (part, list) in points.iter().enumerate() {
+                    for (k, [_, v]) in list.iter().enumerate() {
+                        if sign * v > best.1 {
+                            best = ((part, k), sign * v);
+                        }
+                    }
+                }
+                let is_near = |v: f64| best.1 - sign * v <= NEAR * best.1.abs();
+                let sharing = if all().filter(|p| is_near(p[1])).count() > 1 {
+                    places(solving, measure, values, step, is_near)
+                } else {
+                    1
+                };
+                let told = (measure.reduction != Reduction::Value && sharing > 1).then(|| NearKink {
+                    place: measure.name.clone(),
+                    kind: "share the largest or smallest value",
+                    time: step.0,
+                    points: sharing,
+                    of: all().count(),
+                    more: 0,
+                });
+                (one(best.0), told)
+            }
+        }
+    }
+}
+
+/// Places that share a value are counted up to so many.
+const MOST_PLACES: usize = 1000;
+
+/// At how many places a value is taken that counts: neighbouring faces and cells have points at one place.
+fn places(
+    solving: &Solving<'_>,
+    measure: &Measure,
+    values: FieldValues<'_>,
+    step: (f64, f64),
+    counts: impl Fn(f64) -> bool,
+) -> usize {
+    let mesh = &solving.system.mesh;
+    let (low, high) = mesh.bounds();
+    let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+    let mut found: Vec<[f64; 3]> = Vec::new();
+    for (value, sampled) in measure.parts() {
+        value.at_step(step).for_each_point(mesh, sampled, values, |g, entity, q, _, v| {
+            let here = &sampled.domain.groups[g].here;
+            let x = mesh.point_at(here.cells[entity], &here.geometry, q);
+            let is_known = |y: &[f64; 3]| (0..3).all(|d| (x[d] - y[d]).abs() <= NEAR * extent);
+            if counts(v[0]) && found.len() < MOST_PLACES && !found.iter().any(is_known) {
+                found.push(x);
+            }
+        });
+    }
+    found.len()
+}
+
+/// Weight and value at each point.
+fn taken(solving: &Solving<'_>, part: (&Value, &Sampled), values: FieldValues<'_>, step: (f64, f64)) -> Vec<[f64; 2]> {
+    let (value, sampled) = part;
+    let mut out = Vec::new();
+    let value = value.at_step(step);
+    value.for_each_point(&solving.system.mesh, sampled, values, |_, _, _, weight, v| out.push([weight, v[0]]));
+    out
+}

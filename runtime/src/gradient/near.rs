@@ -1,0 +1,137 @@
+//! Points between two branches: there a result has one derivative for each direction, and the adjoint gives that of one
+//! side.
+
+use wfl_compiler::{KinkKind, compile_kink_sides};
+
+use super::{extended::Extended, refused::not_made};
+use crate::{
+    Scene,
+    scene::Solving,
+    value::{Sampled, Value},
+};
+use wfl::Diagnostic;
+use wfl_compiler::backend::KernelBackend;
+
+/// The two sides of a kink are one number within this part of the largest of them in the region.
+pub(super) const NEAR: f64 = 1e-9;
+
+/// Points of a region between two branches at the end of a step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NearKink {
+    /// The term, or the measure.
+    pub place: String,
+    /// What they do there.
+    pub kind: &'static str,
+    /// The step variable at the end of the first such step.
+    pub time: f64,
+    /// How many there.
+    pub points: usize,
+    /// Of how many.
+    pub of: usize,
+    /// At how many further steps there are some.
+    pub more: usize,
+}
+
+impl NearKink {
+    /// What there is to tell of them.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let Self { place, kind, time, points, of, more } = self;
+        let further = match more {
+            0 => String::new(),
+            1 => ", and some at another step".to_owned(),
+            n => format!(", and some at {n} more steps"),
+        };
+        format!(
+            "{points} of {of} points of `{place}` {kind} at t = {time}{further}: the derivative is that of one side, and another one for \
+             changes to the other side; differences of runs to both sides show them: wfl verify --gradient"
+        )
+    }
+}
+
+/// Adds what is found at a step, going backwards, to what is known of later ones.
+pub(super) fn join(known: &mut Vec<NearKink>, found: impl IntoIterator<Item = NearKink>) {
+    for near in found {
+        match known.iter_mut().find(|k| k.place == near.place && k.kind == near.kind) {
+            Some(later) => *later = NearKink { more: later.more + 1, ..near },
+            None => known.push(near),
+        }
+    }
+}
+
+/// The kinks of the terms of a scene.
+pub(super) struct Kinks {
+    list: Vec<Kink>,
+}
+
+struct Kink {
+    term: String,
+    kinds: Vec<KinkKind>,
+    value: Value,
+    sampled: Sampled,
+}
+
+impl Kinks {
+    pub(super) fn new(extended: &Extended<'_>, backend: &dyn KernelBackend) -> Result<Self, Box<Diagnostic>> {
+        let scene: &Scene = extended.scene;
+        let env = extended.env();
+        let mut list = Vec::new();
+        for term in scene.system.terms.iter().filter(|t| !t.law.kinks.is_empty()) {
+            let domain = term.integrator.domain.clone();
+            let place = extended.place(&domain, term.law.listing.graph.mapping.is_some());
+            let Some(sides) = compile_kink_sides(&env, &place, &term.law.name, &term.law.listing) else { continue };
+            let value = Value::new(sides.law, backend).map_err(|e| not_made(&e.to_string()))?;
+            let sampled = value.bind(&scene.system.mesh, domain, &scene.system.fields);
+            let sampled = sampled.map_err(|e| not_made(&e.to_string()))?;
+            list.push(Kink { term: term.law.name.clone(), kinds: sides.kinds, value, sampled });
+        }
+        Ok(Self { list })
+    }
+
+    /// The points between two branches at a state.
+    pub(super) fn near(&self, solving: &Solving<'_>, u: &[f64], step: (f64, f64)) -> Vec<NearKink> {
+        let values = solving.system.values(u);
+        let mut out = Vec::new();
+        for kink in &self.list {
+            let n = kink.kinds.len();
+            let mut points: Vec<f64> = Vec::new();
+            let value = kink.value.at_step(step);
+            value.for_each_point(&solving.system.mesh, &kink.sampled, values.view(), |_, _, _, _, v| {
+                points.extend_from_slice(v);
+            });
+            let size = |x: &[f64]| x[0].abs().max(x[1].abs());
+            let at = |point: &[f64], k: usize| [point[2 * k], point[2 * k + 1]];
+            let scales: Vec<f64> =
+                (0..n).map(|k| points.chunks_exact(2 * n).map(|p| size(&at(p, k))).fold(0.0, f64::max)).collect();
+            for (kind, text) in TEXTS {
+                let is_near = |point: &[f64]| {
+                    (0..n).filter(|k| kink.kinds[*k] == kind).any(|k| {
+                        let [a, b] = at(point, k);
+                        // where nothing presses there is no friction, whatever the radius is
+                        let counts = kind == KinkKind::Select || b > NEAR * scales[k];
+                        counts && (a - b).abs() <= NEAR * scales[k]
+                    })
+                };
+                let near = points.chunks_exact(2 * n).filter(|p| is_near(p)).count();
+                if near > 0 {
+                    let of = points.len() / (2 * n);
+                    out.push(NearKink {
+                        place: kink.term.clone(),
+                        kind: text,
+                        time: step.0,
+                        points: near,
+                        of,
+                        more: 0,
+                    });
+                }
+            }
+        }
+        out
+    }
+}
+
+/// What points do at a kink of each kind.
+const TEXTS: [(KinkKind, &str); 2] = [
+    (KinkKind::Select, "are between two branches (open and in contact, as a rule)"),
+    (KinkKind::Ball, "are between stick and slip"),
+];

@@ -1,0 +1,129 @@
+//! The parameters that a derivative goes through: those that are asked for, and those whose values are made of them.
+
+use std::collections::BTreeSet;
+
+use wfl::{
+    DataValue, Diagnostic, FieldKind, Measure, Param, ResolvedScript, StartKind,
+    ast::{Cond, Expr, ExprKind},
+    children, cond_children, each_name, split_prefixes,
+};
+use wfl_compiler::{
+    Constant, compile_slopes,
+    types::{FieldId, InputSlot},
+};
+
+use super::{
+    Request,
+    extended::{Extended, Live},
+    formulas::evaluated,
+    refused::{first, no_derivative},
+    request::known,
+};
+use crate::Scene;
+
+/// The parameters that change, in the order of their declarations.
+pub(super) fn live(script: &ResolvedScript, scene: &Scene, request: &Request) -> Result<Vec<Live>, Box<Diagnostic>> {
+    let names: Vec<&str> = script.params.iter().map(|p| p.name.name.as_str()).collect();
+    for name in &request.parameters {
+        if !names.contains(&name.as_str()) {
+            let is_data = script.fields.iter().any(|f| f.name.name == *name);
+            let help =
+                if is_data { format!("a data field is written `field {name}`") } else { known(name, &names, "param") };
+            return Err(Box::new(Diagnostic::new("E470", format!("`{name}` is no param of the scene")).help(help)));
+        }
+    }
+    let mut found: Vec<Live> = Vec::new();
+    for (declared, param) in script.params.iter().enumerate() {
+        let name = &param.name.name;
+        let mut depends = request.parameters.contains(name);
+        each_name(&param.value, &mut |word| depends |= found.iter().any(|l| l.name == word));
+        if let Some((_, Constant { shape, values, .. })) = scene.params.iter().find(|p| depends && p.0 == *name) {
+            found.push(Live { name: name.clone(), shape: *shape, values: values.clone(), declared });
+        }
+    }
+    Ok(found)
+}
+
+/// Moves the derivatives in parameters whose values are made of others to those; by entry of the live parameters.
+pub(super) fn to_declared(
+    script: &ResolvedScript,
+    extended: &Extended<'_>,
+    gradient: &mut [f64],
+) -> Result<(), Box<Diagnostic>> {
+    for k in (0..extended.live.len()).rev() {
+        let param: &Param = &script.params[extended.live[k].declared];
+        let directions: Vec<(FieldId, usize)> = (0..k).flat_map(|j| extended.directions_of(j)).collect();
+        if directions.is_empty() {
+            continue;
+        }
+        let (env, place) = (extended.env(), extended.positions());
+        let slopes = compile_slopes(&env, &place, "a param", &param.value, &directions);
+        let Some(slopes) = slopes.value else { return Err(no_derivative(&param.name.name, first(slopes.diagnostics))) };
+        let own = extended.entries_of(k);
+        for (to, slope) in slopes.into_iter().enumerate() {
+            let Some(law) = slope else { continue };
+            let value = evaluated(law, |slot: &InputSlot| extended.value_of(slot), &[[0.0; 3]], (0.0, 0.0))?;
+            let moved: f64 = value.iter().zip(&gradient[own.clone()]).map(|(s, g)| s * g).sum();
+            gradient[to] += moved;
+        }
+    }
+    Ok(())
+}
+
+/// What there is to know of the parameters: those that nothing reads, and those in conditions that follow nothing that is
+/// solved for, where a branch may end elsewhere for another value.
+pub(super) fn notes(script: &ResolvedScript, request: &Request, live: &[Live]) -> Vec<String> {
+    let (mut read, mut decides) = (BTreeSet::new(), BTreeSet::new());
+    let is_field = |word: &str| script.fields.iter().any(|f| f.name.name == split_prefixes(word).1);
+    for_each_formula(script, request, &mut |e| {
+        each_name(e, &mut |word| read.extend([word.to_owned()]));
+        each_condition(e, &mut |condition| {
+            let mut words = BTreeSet::new();
+            cond_children(condition, &mut |side| each_name(side, &mut |word| words.extend([word.to_owned()])));
+            if !words.iter().any(|word| is_field(word)) {
+                decides.extend(words);
+            }
+        });
+    });
+    let note = |l: &Live| match (read.contains(&l.name), decides.contains(&l.name)) {
+        (false, _) => {
+            Some(format!("`{}` stands in no term, load, state, prescribed or first value, and in no result", l.name))
+        }
+        (true, true) => Some(format!(
+            "`{}` decides on a branch: its derivative is that of the branches as they are, and does not know of points that \
+             change theirs",
+            l.name
+        )),
+        (true, false) => None,
+    };
+    live.iter().filter_map(note).collect()
+}
+
+/// Calls `f` for every expression that a solution or a result is made of.
+fn for_each_formula<'s>(script: &'s ResolvedScript, request: &Request, f: &mut dyn FnMut(&'s Expr)) {
+    script.params.iter().for_each(|p| f(&p.value));
+    script.terms.iter().for_each(|t| f(&t.expr));
+    script.loads.iter().chain(&script.fixes).for_each(|c| f(&c.value));
+    let is_asked = |m: &&Measure| request.results.iter().any(|r| r.measure == m.name.name);
+    script.measures.iter().filter(is_asked).for_each(|m| f(&m.expr));
+    for start in &script.starts {
+        if let StartKind::Field { value, .. } | StartKind::Rate { value, .. } = &start.kind {
+            f(value);
+        }
+    }
+    for field in &script.fields {
+        match &field.kind {
+            FieldKind::State { update } => f(update),
+            FieldKind::Data { value: DataValue::Formula(e) } => f(e),
+            _ => {}
+        }
+    }
+}
+
+/// Calls `f` for every condition in an expression.
+fn each_condition<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e Cond)) {
+    if let ExprKind::If(condition, ..) = &e.kind {
+        f(condition);
+    }
+    children(e, &mut |part| each_condition(part, f));
+}

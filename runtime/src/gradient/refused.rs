@@ -1,0 +1,210 @@
+//! What has no derivative, or none yet, each with its place and what to do.
+
+use wfl::{
+    Diagnostic, ResolvedScript, Span,
+    ast::{BoxDivision, Expr, MappingKind, MeshSource, OptionItem, OptionValue, QuadratureRule, RegionExpr},
+    each_word, is_auto,
+};
+
+use super::{Differentiated, Request, request::known};
+use crate::{Scene, newton::Stop};
+
+/// The code of what has no derivative.
+pub const NO_DERIVATIVE: &str = "E470";
+
+fn message(text: impl Into<String>) -> Diagnostic {
+    Diagnostic::new(NO_DERIVATIVE, text)
+}
+
+/// The first error.
+pub(super) fn first(diagnostics: Vec<Diagnostic>) -> Option<Diagnostic> {
+    diagnostics.into_iter().find(Diagnostic::is_error)
+}
+
+/// A law that the compiler does not differentiate, with its reason.
+pub(super) fn no_derivative(what: &str, why: Option<Diagnostic>) -> Box<Diagnostic> {
+    let mut d = message(format!("`{what}` has no derivative that can be computed"));
+    if let Some(why) = why {
+        d.labels = why.labels;
+        d = d.note(why.message);
+    }
+    Box::new(d.help("a parameter that sizes, indices or choices are made of is no number that can change a little"))
+}
+
+/// A fault on the way.
+pub(super) fn not_made(why: &str) -> Box<Diagnostic> {
+    Box::new(message("the derivatives could not be computed").note(why))
+}
+
+/// No such measure.
+pub(super) fn no_result(script: &ResolvedScript, name: &str, names: &[&str]) -> Box<Diagnostic> {
+    let help = match script.energies().iter().any(|e| e == name) {
+        true => "the balance of energy has no derivatives yet: a measure of the energy itself has them".to_owned(),
+        false => known(name, names, "measure"),
+    };
+    Box::new(message(format!("`{name}` is no measure that can be differentiated")).help(help))
+}
+
+/// A measure whose derivative is zero wherever it has one.
+pub(super) fn flat(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` jumps and does not slide: its derivative is zero wherever it has one"));
+    let d = d.at(span, "a share or a count of points");
+    Box::new(
+        d.help("an integral or a mean of what the condition compares changes smoothly: mean(pos_part(slip - limit))"),
+    )
+}
+
+/// Whether a run can be differentiated with what else was asked of it; why not, in words.
+#[must_use]
+pub fn not_together(scene: &Scene) -> Option<Diagnostic> {
+    let system = &scene.system;
+    if !system.mesh.is_whole() || !system.team().is_alone() {
+        return Some(message("several ranks have no derivatives yet").help("run it without mpirun"));
+    }
+    if scene.explicit.is_some() || system.known.rates.is_some() || system.redistribution().is_some() {
+        let d = message("the rates of this scheme have no derivatives yet");
+        return Some(d.help(
+            "states, `Previous_u` and first rates by backward Euler (`scheme backward_euler`) have them, also with steps \
+             `by auto`; differences of whole runs do for the others: wfl sweep",
+        ));
+    }
+    None
+}
+
+/// Refuses what the derivatives of a run do not follow.
+pub(super) fn check(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnostic>> {
+    let Differentiated { scene, script, outcome, .. } = of;
+    if let Some(d) = not_together(scene) {
+        let at = script.scheme.as_ref().map(|s| s.span).or(script.steps.as_ref().map(|s| s.span));
+        return Err(Box::new(match at {
+            Some(span) => d.at(span, ""),
+            None => d,
+        }));
+    }
+    if let Some(param) = script.params.iter().find(|p| is_auto(&p.value)) {
+        let d = message(format!("`{}` is found by the run: derivatives do not follow that", param.name.name));
+        let value = scene.params.iter().find(|p| p.0 == param.name.name).and_then(|p| p.1.values.first().copied());
+        let shown = value.map_or_else(String::new, |v| format!("; this run found {v}"));
+        return Err(Box::new(d.at(param.value.span, "").help(format!("write the number in place of `auto`{shown}"))));
+    }
+    if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged() && s.history.stop != Some(Stop::Given)) {
+        return Err(Box::new(message(format!("the step at t = {} did not converge: it has no derivative", step.time))));
+    }
+    if let Some(state) = scene.states.iter().find(|s| s.at_points().is_none()) {
+        let name = &scene.system.fields[state.field].name;
+        let d = message(format!("the state `{name}` is renewed through a mapping: it has no derivative yet"));
+        let span = script.fields.iter().find(|f| f.name.name == *name).map(|f| f.span);
+        return Err(Box::new(match span {
+            Some(span) => d.at(span, "").help("a state without a mapping, or differences of whole runs"),
+            None => d,
+        }));
+    }
+    fields(of, request)
+}
+
+/// Data fields that are differentiated in.
+fn fields(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnostic>> {
+    let data: Vec<&str> = of
+        .script
+        .fields
+        .iter()
+        .filter(|f| matches!(f.kind, wfl::FieldKind::Data { .. }))
+        .map(|f| f.name.name.as_str())
+        .collect();
+    match request.fields.iter().find(|name| !data.contains(&name.as_str())) {
+        Some(name) => {
+            Err(Box::new(message(format!("`{name}` is no data field")).help(known(name, &data, "data field"))))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Refuses parameters that stand where no derivative follows them: mesh, regions, mappings, steps, options.
+pub(super) fn places(script: &ResolvedScript, live: &[&str]) -> Result<(), Box<Diagnostic>> {
+    let mut found: Option<(Span, String, &'static str, &'static str)> = None;
+    each_fixed_place(script, &mut |e, what, help| {
+        each_word(e, &mut |at, word| {
+            if found.is_none() && live.contains(&word) {
+                found = Some((at.span, word.to_owned(), what, help));
+            }
+        });
+    });
+    match found {
+        None => Ok(()),
+        Some((span, name, what, help)) => {
+            let d = message(format!("`{name}` stands in {what}: there it has no derivative yet"));
+            Err(Box::new(d.at(span, "").help(help)))
+        }
+    }
+}
+
+const OF_SHAPE: &str = "a change of the shape is not followed yet; differences of whole runs show it: wfl sweep";
+const OF_STEPS: &str = "a load that grows with the step variable has a factor of its own: give that a param";
+const OF_OPTION: &str = "give the option a number, so that the parameter changes the equations alone";
+
+/// Calls `f` for every expression that no derivative follows, with where it stands and what to do.
+fn each_fixed_place<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr, &'static str, &'static str)) {
+    if let Some(mesh) = &script.mesh {
+        if let MeshSource::Box { from, to, division: BoxDivision::Cells(d) | BoxDivision::Size(d), .. } = &mesh.source {
+            [from, to, d].into_iter().for_each(|e| f(e, "the mesh", OF_SHAPE));
+        }
+        mesh.map.iter().for_each(|e| f(e, "the map of the mesh", OF_SHAPE));
+        options(&mesh.options, f);
+    }
+    for refinement in &script.refinements {
+        refinement.what.condition.iter().for_each(|c| wfl::cond_children(c, &mut |e| f(e, "`refine`", OF_SHAPE)));
+        refinement.what.times.iter().for_each(|e| f(e, "`refine`", OF_SHAPE));
+    }
+    script.regions.iter().for_each(|r| region(&r.region, f));
+    for mapping in &script.mappings {
+        match &mapping.kind {
+            MappingKind::Search { within, .. } => within.iter().for_each(|e| f(e, "a mapping", OF_SHAPE)),
+            MappingKind::Point(e) => f(e, "a mapping", OF_SHAPE),
+        }
+        options(&mapping.options, f);
+    }
+    if let Some(steps) = &script.steps {
+        [&steps.from, &steps.to, &steps.by].into_iter().for_each(|e| f(e, "`steps`", OF_STEPS));
+        options(&steps.options, f);
+        steps.watched.iter().for_each(|m| f(&m.expr, "the limit of the increment", OF_STEPS));
+    }
+    script.solver.iter().for_each(|s| options(&s.options, f));
+    script.scheme.iter().for_each(|s| options(&s.options, f));
+    for quadrature in &script.quadratures {
+        if let QuadratureRule::Degree(e) = &quadrature.rule {
+            f(e, "`quadrature`", OF_OPTION);
+        }
+    }
+    for start in &script.starts {
+        if let wfl::StartKind::Rate { value, .. } = &start.kind {
+            f(value, "a first rate", "the rates of this scheme have no derivatives yet");
+        }
+    }
+    for measure in &script.measures {
+        if let wfl::ast::MeasureAt::Point(e) = &measure.at {
+            f(e, "the point of a measure", OF_SHAPE);
+        }
+    }
+}
+
+fn region<'s>(of: &'s RegionExpr, f: &mut dyn FnMut(&'s Expr, &'static str, &'static str)) {
+    match of {
+        RegionExpr::Name(_) | RegionExpr::Interface { .. } => {}
+        RegionExpr::Along { towards, .. } => towards.iter().for_each(|e| f(e, "a region", OF_SHAPE)),
+        RegionExpr::Picked { condition, .. } => {
+            condition.iter().for_each(|c| wfl::cond_children(c, &mut |e| f(e, "a region", OF_SHAPE)));
+        }
+        RegionExpr::Combine(first, rest) => {
+            region(first, f);
+            rest.iter().for_each(|(_, part)| region(part, f));
+        }
+    }
+}
+
+fn options<'s>(list: &'s [OptionItem], f: &mut dyn FnMut(&'s Expr, &'static str, &'static str)) {
+    for option in list {
+        if let Some(OptionValue::Expr(e)) = &option.value {
+            f(e, "an option", OF_OPTION);
+        }
+    }
+}

@@ -1,0 +1,362 @@
+//! Derivatives of results against closed forms, an independent program, and differences of whole runs.
+
+use std::path::Path;
+
+use wfl_runtime::gradient::Gradients;
+use wfl_tests::{differentiated, examples, reference};
+
+/// Two blocks of plane strain under compression `p`, of which one is moved along their interface by `drive`. States are
+/// homogeneous: with M the modulus of compression without strain across, mu of shear and the length 3, the slip is
+/// `d - 3 F p/mu` while the friction `F p` acts.
+const BLOCKS: &str = "wfl 1
+param E = 25000
+param nu = 0.25
+param p = 10
+param fric = 0.4
+param d = 3e-3
+mesh box [-1,0] to [2,1] cells [6,2] quad
+region left = cells where x < 0
+region right = cells where x > 0
+region joint = interface from left to right
+region west = faces where x == -1
+region east = faces where x == 2
+region edges_left = faces of left where y == 0 or y == 1
+region edges_right = faces of right where y == 0 or y == 1
+unknown uL : vector on left
+unknown uR : vector on right
+def lame = E*nu/((1+nu)*(1-2*nu))
+def mu = E/(2*(1+nu))
+def modulus = lame + 2*mu
+def sigma(v) = lame*Div_v*Id(2) + 2*mu*Sym(Grad_v)
+def traction(v) = sigma(v)*Normal
+def apart = uL - Interpolate(uR, neighbor_element)
+def test_apart = Test_uL - Interpolate(Test_uR, neighbor_element)
+def tangential(w) = w - (w.Normal)*Normal
+term bulk_left on left : sigma(uL):Grad_Test_uL
+term bulk_right on right : sigma(uR):Grad_Test_uR
+fix uL = [0, 0] on west
+fix uR = [-3*p/modulus - overlap, drive] on east
+fix uL(1) = -(p/modulus)*(x+1) on edges_left
+fix uR(1) = -(p/modulus)*(x+1) - overlap on edges_right
+load uL(2) = -(lame/modulus)*p*Normal(2) on edges_left
+load uR(2) = -(lame/modulus)*p*Normal(2) on edges_right
+measure shear = mean(traction(uL)(2)) on joint
+measure slip = mean(-apart(2)) on joint
+";
+
+/// Nitsche's method with the whole drive at once.
+const NITSCHE: &str = "
+param gamma = 2e5
+param theta = 1 in {-1, 0, 1}
+def overlap = 0
+def drive = d
+def pressed = gamma*(apart.Normal) - traction(uL).Normal
+def sheared = gamma*tangential(apart) - tangential(traction(uL))
+def force = pos_part(pressed)*Normal + Ball_projection(sheared, fric*pos_part(pressed))
+def tested = gamma*test_apart - theta*(lame*Div_Test_uL*Id(2) + 2*mu*Sym(Grad_Test_uL))*Normal
+term stress on joint : -theta/gamma*traction(uL).((lame*Div_Test_uL*Id(2) + 2*mu*Sym(Grad_Test_uL))*Normal)
+term contact on joint : 1/gamma*force.tested
+measure pressure = mean(pos_part(pressed)) on joint
+";
+
+/// Friction by increments, forward by d and back to d/4.
+const INCREMENTS: &str = "
+param gamma = 2e5
+def overlap = 0
+def drive = d*(1 - abs(1 - t))
+def past = tangential(Previous_uL - Interpolate(Previous_uR, neighbor_element))
+def pressed = gamma*(apart.Normal) - traction(uL).Normal
+def sheared = gamma*(tangential(apart) - past) - tangential(traction(uL))
+term contact on joint : (pos_part(pressed)*Normal + Ball_projection(sheared, fric*pos_part(pressed))).test_apart
+steps t = 0 to 1.75 by 0.25
+";
+
+/// A penalty with the slip as a state, forward and back.
+const PENALTY: &str = "
+param gamma = 1e6
+def overlap = p/gamma
+def drive = d*(1 - abs(1 - t))
+def pressed = gamma*(apart.Normal)
+def sheared = gamma*(tangential(apart) - Previous_slipped)
+def resisting = Ball_projection(sheared, fric*pos_part(pressed))
+state slipped : vector on joint := tangential(apart) - resisting/gamma
+term contact on joint : (pos_part(pressed)*Normal + resisting).test_apart
+steps t = 0 to 1.75 by 0.25
+";
+
+fn of(text: String, params: &[(&str, f64)], results: &str, with: &str) -> Gradients {
+    let found = differentiated((Path::new("."), text), &[], params, results, with);
+    found.unwrap_or_else(|told| panic!("{told}")).1
+}
+
+/// The largest deviation from the closed derivatives, over their size.
+fn deviation(of: &Gradients, list: &str) -> f64 {
+    let expected = reference("physics_gradients.json")["two_blocks"][list].clone();
+    let mut largest = 0.0f64;
+    for row in expected.as_array().expect("a list") {
+        let [measure, parameter] = ["measure", "parameter"].map(|key| row[key].as_str().expect("a name"));
+        let closed = row["closed"].as_f64().expect("a number");
+        let found = of.number(measure, parameter).unwrap_or_else(|| panic!("{measure} {parameter}"));
+        // a derivative that is zero, against the value over the parameter
+        let size = if closed == 0.0 { 1e-3 } else { closed.abs() };
+        largest = largest.max((found - closed).abs() / size);
+    }
+    largest
+}
+
+#[test]
+fn closed_derivatives_of_two_blocks() {
+    let found = of(format!("{BLOCKS}{NITSCHE}"), &[], "slip, shear, pressure", "E, nu, fric, d, p, gamma");
+    assert!(deviation(&found, "nitsche") < 1e-9);
+    let found = of(format!("{BLOCKS}{INCREMENTS}"), &[], "shear, slip", "E, nu, fric, d, p");
+    assert!(deviation(&found, "incremental") < 1e-9);
+    let found = of(format!("{BLOCKS}{PENALTY}"), &[], "shear", "E, nu, fric, d, p, gamma");
+    assert!(deviation(&found, "penalty_state") < 1e-9);
+}
+
+/// Friction that remembers where it was, up, down and up again: antiplane, a multiplier and a vertex rule.
+const PATH: &str = "wfl 1
+param f0 = 0.1
+param f1 = -0.15
+param f2 = 0.08
+param mu = 1
+param gamma = 8
+mesh box [0,-2] to [4,0] cells [16,16] quad
+region fault = faces where x == 0 and y >= -1
+region below = faces where x == 0 and y <= -1
+region far = faces where x == 4
+unknown u : scalar Q1
+multiplier tau : scalar Q1 on fault
+def bound = f0 + f1*y + f2*y^2
+term elastic on all : mu*Grad_u.Grad_Test_u
+term shear on fault : tau*Test_u
+term law on fault : -1/gamma*(tau - Ball_projection(tau + gamma*(u - Previous_u), bound))*Test_tau
+quadrature on fault vertex
+fix u = 0 on below
+fix u = table(\"drive.csv\", t) on far
+steps t = 1 to 12 by 1
+measure J1 = value(u) at [0,0]
+measure J2 = value(u) at [1.5,0]
+measure misfit = value((u - table(\"seen.csv\", t))^2) at [0.5,0]
+";
+
+#[test]
+fn friction_with_a_memory_as_an_independent_program_has_it() {
+    let known = reference("physics_gradients.json")["path"].clone();
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gradients");
+    std::fs::create_dir_all(&folder).expect("a folder for the test");
+    for (file, list) in [("drive.csv", "D"), ("seen.csv", "data")] {
+        let numbers = known[list].as_array().expect("a list");
+        let row = |(k, x): (usize, &serde_json::Value)| format!("{},{x}\n", k + 1);
+        let rows: String = numbers.iter().enumerate().map(row).collect();
+        std::fs::write(folder.join(file), format!("t,value\n{rows}")).expect("a table");
+    }
+    let scene = (folder.as_path(), PATH.to_owned());
+    let found = differentiated(scene, &[], &[], "J1, J2, sum(misfit)", "f0, f1, f2, mu, gamma");
+    let found = found.unwrap_or_else(|told| panic!("{told}")).1;
+    for (k, result) in found.results.iter().enumerate() {
+        let value = known["J"][k].as_f64().expect("a number");
+        assert!((result.value - value).abs() < 1e-10 * value.abs().max(1e-3), "{} {value}", result.value);
+        for (j, name) in ["f0", "f1", "f2", "mu"].iter().enumerate() {
+            let expected = known["gradient_adjoint"][k][j].as_f64().expect("a number");
+            let derivative = found.number(&result.name, name).expect("a derivative");
+            assert!((derivative - expected).abs() < 1e-9 * expected.abs(), "{} {name}", result.name);
+        }
+        // the solution does not depend on the parameter of augmentation
+        let gamma = found.number(&result.name, "gamma").expect("a derivative");
+        assert!(gamma.abs() < 1e-12, "{gamma}");
+    }
+}
+
+/// The fault of the examples, which slides down and is pulled back: nonsymmetric contact and friction in space.
+fn fault(cells: &str) -> Gradients {
+    let folder = examples().join("fault");
+    let text = std::fs::read_to_string(folder.join("nitsche.wfl")).expect("an example");
+    let edits = [("cells [8, 8, 8]", format!("cells {cells}"))];
+    let results = "Fn, Ftz, max_slip, energy_left, Fn at t=4.5, Ftz at t=4.5, max_slip at t=4.5, energy_left at t=4.5";
+    let found = differentiated((&folder, text), &edits, &[], results, "E, nu, fric, gamma");
+    found.unwrap_or_else(|told| panic!("{told}")).1
+}
+
+/// With given loads a stiffness of bodies and contact that is twice as large halves displacements and leaves forces.
+fn scale_with_stiffness(found: &Gradients) {
+    for (k, result) in found.results.iter().enumerate() {
+        let [e, gamma] = ["E", "gamma"].map(|p| found.number(&result.name, p).expect("a derivative"));
+        let scaled = 25e3 * e + 1e5 * gamma;
+        // the loads are given: forces do not follow the stiffness, slips do inversely
+        let expected = if k % 4 == 2 { -result.value } else { 0.0 };
+        let size = (25e3 * e).abs() + (1e5 * gamma).abs() + expected.abs();
+        if k % 4 != 3 {
+            assert!((scaled - expected).abs() < 1e-9 * size, "{}: {scaled:e} {expected:e}", result.name);
+        }
+    }
+}
+
+#[test]
+fn derivatives_of_the_fault_scale_with_its_stiffness() {
+    scale_with_stiffness(&fault("[2, 2, 2]"));
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn differences_of_runs_of_the_fault() {
+    let found = fault("[8, 8, 8]");
+    scale_with_stiffness(&found);
+    let known = reference("physics_gradients.json")["fault"].clone();
+    for (time, list) in known.as_object().expect("two times") {
+        for row in list.as_array().expect("a list") {
+            let [measure, parameter] = ["measure", "parameter"].map(|key| row[key].as_str().expect("a name"));
+            let [central, spread] = ["central", "spread"].map(|key| row[key].as_f64().expect("a number"));
+            let result = if time == "9.5" { measure.to_owned() } else { format!("{measure} at t={time}") };
+            let derivative = found.number(&result, parameter).expect("a derivative");
+            let apart = (derivative - central).abs();
+            assert!(
+                apart < (5.0 * spread).max(1e-6 * central.abs()),
+                "{result} {parameter}: {derivative:e} {central:e}"
+            );
+        }
+    }
+}
+
+/// A body on a wall that is not along an axis, with a stiffness that varies in space.
+const TILTED: &str = "wfl 1
+param k0 = 2
+param shift = 0.1
+param push = 0.3
+mesh box [0,0] to [2,1] cells [6,3] quad map [x - 0.3*y, y + 0.2*x]
+region low = faces where y == 0.2*x
+region left = faces where x == -0.3*y
+region right = faces where x == 2 - 0.3*(y - 0.4)
+unknown u : vector
+data k : scalar = k0*(1 + x)
+term bulk on all : k*(Sym(Grad_u):Sym(Grad_Test_u) + 0.5*Div_u*Div_Test_u)*(1 + 0.1*Norm_sqr(u))
+fix u.Normal = shift*t on low
+fix u(1) = 0 on left
+fix u(1) = push*shift*t on right
+start u = [0.01*push, 0]
+steps t = 1 to 2 by 1
+measure force = integral(k*Grad_u(1,1)) on all
+measure moved = mean(Norm_sqr(u) + shift*Norm_sqr(Previous_u)) on right
+";
+
+#[test]
+fn a_field_has_the_derivative_of_the_parameter_it_is_made_of() {
+    let found = of(TILTED.to_owned(), &[], "force, moved, sum(moved)", "k0, shift, push, field k");
+    for result in &found.results {
+        let by_node = &result.fields[0].1;
+        assert!(by_node.len() == 28, "{}", by_node.len());
+        differences(TILTED, &result.name, &["k0", "shift", "push"], &found);
+    }
+}
+
+/// Compares with central differences of runs, whose own error is that of their change squared.
+fn differences(text: &str, result: &str, parameters: &[&str], found: &Gradients) {
+    for name in parameters {
+        let line = text.lines().find(|l| l.starts_with(&format!("param {name} = "))).expect("a param");
+        let value: f64 = line.rsplit(' ').next().and_then(|v| v.parse().ok()).expect("a number");
+        let change = 1e-5 * value.abs();
+        let at = |value: f64| {
+            let text = text.replace(line, &format!("param {name} = {value:?}"));
+            let tight = format!("{text}solver newton with tol=1e-13\n");
+            of(tight, &[], result, name).results[0].value
+        };
+        let central = (at(value + change) - at(value - change)) / (2.0 * change);
+        let derivative = found.number(result, name).expect("a derivative");
+        let size = derivative.abs().max(central.abs()).max(1e-3 * found.results[0].value.abs());
+        assert!((derivative - central).abs() < 1e-6 * size, "{result} {name}: {derivative:e} {central:e}");
+    }
+}
+
+/// A creeping bar in backward Euler: a state, a first rate, steps that begin where time does.
+const CREEPING: &str = "wfl 1
+param E = 3
+param eta = 2
+param rate = 0.5
+mesh box [0] to [1] cells [4]
+region left = faces where x == 0
+region right = faces where x == 1
+unknown u : scalar
+state creep : scalar := creep + timestep*(E/eta)*(Grad_u(1) - creep)
+term stress on all : E*(Grad_u(1) - creep)*Grad_Test_u(1) + 0.1*eta*Dot_u*Test_u
+fix u = 0 on left
+fix u = rate*t^2 on right
+start u = 0.1*rate*x
+scheme backward_euler
+steps t = 0 to 1 by 0.25
+measure stress = mean(E*(Grad_u(1) - creep)) on all
+measure end = value(u) at [0.5]
+";
+
+#[test]
+fn states_and_first_rates_in_time() {
+    let results = "stress, end, mean(stress)";
+    let found = of(CREEPING.to_owned(), &[], results, "E, eta, rate");
+    for result in results.split(", ") {
+        differences(CREEPING, result, &["E", "eta", "rate"], &found);
+    }
+}
+
+#[test]
+fn what_has_no_derivative_is_told_with_its_place() {
+    let refused = |text: &str, results: &str, with: &str| {
+        let found = differentiated((Path::new("."), text.to_owned()), &[], &[], results, with);
+        found.map(|(_, found)| format!("{found:?}")).expect_err("no derivative")
+    };
+    let onset = format!("{BLOCKS}{NITSCHE}measure share = mean(if slipping > 0 then 1 else 0) on joint\n");
+    let onset = onset.replace("measure share", "def slipping = Norm(sheared) - fric*pos_part(pressed)\nmeasure share");
+    assert!(refused(&onset, "share", "fric").contains("jumps and does not slide"));
+    assert!(refused(&onset, "slap", "fric").contains("did you mean `slip`"));
+    assert!(refused(&onset, "slip", "frick").contains("did you mean `fric`"));
+    assert!(refused(&onset, "slip at t=3", "fric").contains("nearest one ends at"));
+    let shape = BLOCKS.replace("to [2,1]", "to [2,width]").replace("param d ", "param width = 1\nparam d ");
+    let told = refused(&format!("{shape}{NITSCHE}"), "slip", "width");
+    assert!(told.contains("E470") && told.contains("stands in the mesh") && told.contains("scene.wfl:"), "{told}");
+    let steps = format!("{BLOCKS}{INCREMENTS}")
+        .replace("to 1.75 by", "to last by")
+        .replace("param d ", "param last = 1.75\nparam d ");
+    assert!(refused(&steps, "slip", "last").contains("stands in `steps`"));
+    let dynamic = CREEPING.replace("scheme backward_euler", "scheme bdf2");
+    assert!(refused(&dynamic, "end", "E").contains("rates of this scheme"));
+}
+
+#[test]
+fn points_between_stick_and_slip_are_told() {
+    // the drive at which friction is reached everywhere
+    let onset = format!("{BLOCKS}{NITSCHE}");
+    let found = of(onset.clone(), &[("d", 1.2e-3)], "slip", "fric");
+    let derivative = found.number("slip", "fric").expect("a derivative");
+    assert!(derivative.abs() < 1e-12 || (derivative + 3e-3).abs() < 1e-9, "{derivative}");
+    assert!(found.near.iter().any(|n| n.kind.contains("stick and slip") && n.points > 0), "{:?}", found.near);
+    assert!(of(onset, &[], "slip", "fric").near.is_empty());
+}
+
+/// A square under a load of two components, with a modulus that is made of another one.
+const LOADED: &str = "wfl 1
+param base = 2
+param shear = 1.5*base
+param pull = [0.3, 0.2]
+mesh box [0,0] to [1,1] cells [3,3] tri
+region left = faces where x == 0
+region right = faces where x == 1
+unknown u : vector
+energy body on all : 0.5*shear*Norm_sqr(Sym(Grad_u)) + 0.1*base*(exp(Div_u) - Div_u)
+fix u = [0, 0] on left
+load u = pull on right
+measure end = mean(u.pull) on right
+measure most = max(Norm(u)) at nodes of right
+";
+
+#[test]
+fn parameters_of_several_numbers_and_parameters_made_of_others() {
+    let found = of(LOADED.to_owned(), &[], "end, most", "base, shear, pull");
+    differences(LOADED, "end", &["base"], &found);
+    differences(LOADED, "most", &["base"], &found);
+    for (k, change) in [("[0.3, 0.2]", "[0.30001, 0.2]"), ("[0.3, 0.2]", "[0.3, 0.20001]")].into_iter().enumerate() {
+        let at = |to: &str| of(LOADED.replacen(change.0, to, 1), &[], "end", "base").results[0].value;
+        let lower = ["[0.29999, 0.2]", "[0.3, 0.19999]"][k];
+        let central = (at(change.1) - at(lower)) / 2e-5;
+        let (name, entries) = &found.results[0].parameters[2];
+        assert_eq!((name.as_str(), entries.len()), ("pull", 2));
+        assert!((entries[k] - central).abs() < 1e-6 * central.abs(), "{entries:?} {central}");
+    }
+}
