@@ -31,8 +31,12 @@ impl Printed {
         let current = system.slices(u);
         let previous = system.previous_slices();
         let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
-        let domain = self.sampled.domain.clone();
-        printed.for_each_point(&system.mesh, &self.sampled, values, |g, entity, q, _, value| {
+        let sampled = self.sampled.at(&system.mesh, values.current);
+        let domain = sampled.domain.clone();
+        printed.for_each_point(&system.mesh, &sampled, values, |g, entity, q, _, value| {
+            if domain.groups[g].has_lost_its_image() {
+                return;
+            }
             let here = &domain.groups[g].here;
             f(system.mesh.point_at(here.cells[entity], &here.geometry, q), value);
         });

@@ -286,7 +286,7 @@ fn warnings() -> Vec<Pair> {
              state s : vector on floor := Previous_s + (Pt - q)/gamma",
         ),
         Pair::new("W631", PUSHED).near("push = 0.6", "push = 0.2"),
-        Pair::new("W632", OVER_THE_EDGE).near("push = 1.5", "push = 0.2"),
+        Pair::new("W632", OVER_THE_EDGE).near("push = 1.5", "push = -0.2"),
         Pair::new(
             "W621",
             "mesh box [0] to [1] cells [4] segment\nregion wall = faces where x == 0\nunknown u : scalar\n\
