@@ -54,6 +54,7 @@ fn a_linear_field_has_the_gradient_of_its_plane() {
             "faces of right where s(x,y) == 0",
         ] {
             // in the coordinates of the box before its map the faces are x = 0
+            let left = format!("{} < 0", split(dim));
             let text = format!(
                 "mesh {mesh} map {}\n\
                  region left = cells where {left}\nregion right = all - left\n\
@@ -69,7 +70,6 @@ fn a_linear_field_has_the_gradient_of_its_plane() {
                  measure mixed = max(Norm(Grad(x*p) - tang(p*[1,{zeros}] + x*{slope}))) on fault\n",
                 turned(dim),
                 faces.replace("s(x,y)", split(dim)),
-                left = format!("{} < 0", split(dim)),
                 zeros = if dim == "2" { "0" } else { "0,0" },
             );
             let found = solved(text);

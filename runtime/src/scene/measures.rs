@@ -258,8 +258,8 @@ impl Measure {
     pub fn reads_past(&self) -> bool {
         match &self.taken {
             Taken::Points(_, parts) => parts.iter().any(|(value, _)| value.reads_past()),
-            // terms read states as they were
-            Taken::Reaction(_) | Taken::Balance(_) => true,
+            Taken::Reaction(reaction) => reaction.reads_past,
+            Taken::Balance(balanced) => balanced.reads_past,
         }
     }
 
