@@ -173,11 +173,11 @@ fn ranks_have_the_reactions_and_balances_of_one() {
         term there on crack : 0.5*(pf - other(p))*(Test_pf - other(Test_p))\nfix p = 0 on boundary\nfix pf = 0.1 on tips\n\
         load pf = 1 on well\nbalance water of p, pf\nmeasure out = reaction(p) on boundary\n\
         measure tip = reaction(pf) on tips\nmeasure slope = integral(Norm(Grad_pf)) on crack\n";
-    let shared = Shared::text(Path::new("."), text.to_owned(), &[]);
+    let scene = Shared::text(Path::new("."), text.to_owned(), &[]);
     let measures = |outcome: &Outcome| outcome.steps[0].measures.clone();
-    let alone = measures(&ranks::solved(shared.whole()));
+    let alone = measures(&ranks::solved(scene.whole()));
     for holding in [Holding::Whole, Holding::Parts] {
-        for of_rank in shared.on_ranks(3, holding, |scene| measures(&ranks::solved(scene))) {
+        for of_rank in scene.on_ranks(3, holding, |part| measures(&ranks::solved(part))) {
             for ((name, is), (_, should)) in of_rank.iter().zip(&alone) {
                 assert!((is - should).abs() < 1e-11, "{holding:?} {name}: {is}, {should}");
             }

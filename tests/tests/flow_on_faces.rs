@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use wfl_tests::{MeshFolder, Solved, reference, solve};
+use wfl_tests::{MeshFolder, Solved, examples, reference, solve};
 
 /// What is polynomial comes out to this.
 const EXACT: f64 = 1e-12;
@@ -54,6 +54,7 @@ fn a_linear_field_has_the_gradient_of_its_plane() {
             "faces of right where s(x,y) == 0",
         ] {
             // in the coordinates of the box before its map the faces are x = 0
+            let left = format!("{} < 0", split(dim));
             let text = format!(
                 "mesh {mesh} map {}\n\
                  region left = cells where {left}\nregion right = all - left\n\
@@ -69,7 +70,6 @@ fn a_linear_field_has_the_gradient_of_its_plane() {
                  measure mixed = max(Norm(Grad(x*p) - tang(p*[1,{zeros}] + x*{slope}))) on fault\n",
                 turned(dim),
                 faces.replace("s(x,y)", split(dim)),
-                left = format!("{} < 0", split(dim)),
                 zeros = if dim == "2" { "0" } else { "0,0" },
             );
             let found = solved(text);
@@ -347,4 +347,36 @@ fn an_aperture_that_grows_with_the_pressure_has_the_flux_of_its_closed_form() {
         assert!((is / should - 1.0).abs() < 1e-4, "{name} {is}, {should}");
     }
     assert!(found.measure(0, "kept") < 1e-15);
+}
+
+/// The scenes of the examples against the numbers of the series, not only against those that stand in them.
+#[test]
+fn consolidation_and_slip_under_injection_are_those_of_the_references() {
+    let run = |name: &str| {
+        let path = examples().join(format!("poro/{name}.wfl"));
+        solved(std::fs::read_to_string(path).expect("examples can be read"))
+    };
+    let number = |value: &serde_json::Value| value.as_f64().expect("a number");
+    let row = |table: &serde_json::Value, t: f64| {
+        let rows = table.as_array().expect("a table").clone();
+        rows.into_iter().find(|r| number(&r["T"]) == t).expect("a row of that time")
+    };
+    let (biot, slip) = (reference("biot.json"), reference("injection_slip.json"));
+    let terzaghi = row(&biot["terzaghi"]["table"], 1.0);
+    let mandel = row(&biot["mandel"]["table"], 0.1);
+    let injected = row(&slip["two_d"], 0.5);
+    let (column, block, fault) = (run("terzaghi"), run("mandel"), run("injection"));
+    let last = |found: &Solved, name: &str| found.measure(found.outcome.steps.len() - 1, name);
+    let length = (f64::exp(75.0 / 48.0) - 1.0) / (f64::exp(5.0) - 1.0) * 40.0;
+    for (is, should, within) in [
+        (last(&column, "bottom_pressure"), number(&terzaghi["p_bottom_over_q"]), 1e-3),
+        (last(&column, "settlement"), number(&terzaghi["settlement"]), 1e-4),
+        // a force of 10 on a block of 1 by 0.5
+        (10.0 * last(&block, "pressure"), number(&mandel["p_centre"]), 1e-3),
+        (-0.5 * last(&block, "sinks"), number(&mandel["uy_plate"]), 1e-3),
+        (last(&block, "spreads"), number(&mandel["ux_side"]), 1e-3),
+        (last(&fault, "slip"), 0.6 * length * number(&injected["slip_centre"]), 5e-3),
+    ] {
+        assert!((is / should - 1.0).abs() < within, "{is}, {should}");
+    }
 }

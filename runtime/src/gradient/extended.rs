@@ -57,7 +57,7 @@ impl<'a> Extended<'a> {
         for l in &live {
             let (name, n_components) = (l.name.clone(), l.shape.len());
             fields.push(Field { name: name.clone(), kind: FieldKind::Data, n_components, space: FieldSpace::Global });
-            sigs.push(FieldSig { name, shape: l.shape, degree: 0, kind: FieldKind::Data, global: true });
+            sigs.push(FieldSig { name, shape: l.shape, degree: 0, kind: FieldKind::Data, global: true, on_faces: false });
         }
         let mut n_entries = 0;
         let starts = fields
@@ -93,7 +93,7 @@ impl<'a> Extended<'a> {
             n_components: 1,
             space: FieldSpace::Points(space),
         });
-        self.sigs.push(FieldSig { name, shape, degree: 0, kind: FieldKind::Data, global: false });
+        self.sigs.push(FieldSig { name, shape, degree: 0, kind: FieldKind::Data, global: false, on_faces: false });
         self.starts.push(None);
         self.fields.len() - 1
     }

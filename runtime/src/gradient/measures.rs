@@ -14,7 +14,7 @@ use super::{
     extended::Extended,
     laws::{Of, Placed, acts},
     near::{NEAR, NearKink},
-    refused::{flat, no_result},
+    refused::{flat, no_result, of_equations},
 };
 use crate::{
     Measure,
@@ -54,7 +54,10 @@ pub(super) fn weighed(
             Box::new(Diagnostic::new("E470", format!("`{}`: {why}", wanted.name)).at(declared.span, "this measure"))
         })?;
         let (mut fields, mut any) = (Vec::new(), false);
-        for (part, (value, sampled)) in scene.measures[measure].parts().iter().enumerate() {
+        let Some((_, points)) = scene.measures[measure].at_points() else {
+            return Err(of_equations(&wanted.measure, declared.expr.span));
+        };
+        for (part, (value, sampled)) in points.iter().enumerate() {
             let weights = extended.add_weights(&sampled.domain);
             let place = extended.place(&sampled.domain, value.law.mapping.is_some());
             let of = (FieldId::new(weights), extended.companions());
@@ -93,10 +96,9 @@ impl Weighed {
         step: (f64, f64),
     ) -> (Vec<Vec<f64>>, Option<NearKink>) {
         let measure: &Measure = &solving.measures[self.measure];
-        let mut points: Vec<Vec<[f64; 2]>> = Vec::new();
-        for (value, sampled) in measure.parts() {
-            points.push(taken(solving, (value, sampled), values, step));
-        }
+        let (reduction, parts) = measure.at_points().expect("others are refused");
+        let points: Vec<Vec<[f64; 2]>> =
+            parts.iter().map(|(value, sampled)| taken(solving, (value, sampled), values, step)).collect();
         let all = || points.iter().flatten();
         let one = |chosen: (usize, usize)| -> Vec<Vec<f64>> {
             let number = |part: usize, k: usize, w: f64| if (part, k) == chosen { 1.0 / w } else { 0.0 };
@@ -106,11 +108,11 @@ impl Weighed {
             points.iter().enumerate().map(of).collect()
         };
         let same = |x: f64| points.iter().map(|list| vec![x; list.len()]).collect();
-        match measure.reduction {
+        match reduction {
             Reduction::Integral => (same(1.0), None),
             Reduction::Mean => (same(1.0 / all().map(|p| p[0]).sum::<f64>()), None),
-            Reduction::Max | Reduction::Value | Reduction::Min => {
-                let sign = if measure.reduction == Reduction::Min { -1.0 } else { 1.0 };
+            _ => {
+                let sign = if reduction == Reduction::Min { -1.0 } else { 1.0 };
                 let mut best = ((0, 0), f64::NEG_INFINITY);
                 for (part, list) in points.iter().enumerate() {
                     for (k, [_, v]) in list.iter().enumerate() {
@@ -121,11 +123,11 @@ impl Weighed {
                 }
                 let is_near = |v: f64| best.1 - sign * v <= NEAR * best.1.abs();
                 let sharing = if all().filter(|p| is_near(p[1])).count() > 1 {
-                    places(solving, measure, values, step, is_near)
+                    places(solving, parts, values, step, is_near)
                 } else {
                     1
                 };
-                let told = (measure.reduction != Reduction::Value && sharing > 1).then(|| NearKink {
+                let told = (reduction != Reduction::Value && sharing > 1).then(|| NearKink {
                     place: measure.name.clone(),
                     kind: "share the largest or smallest value",
                     time: step.0,
@@ -145,7 +147,7 @@ const MOST_PLACES: usize = 1000;
 /// At how many places a value is taken that counts: neighbouring faces and cells have points at one place.
 fn places(
     solving: &Solving<'_>,
-    measure: &Measure,
+    parts: &[(Value, Sampled)],
     values: FieldValues<'_>,
     step: (f64, f64),
     counts: impl Fn(f64) -> bool,
@@ -154,7 +156,7 @@ fn places(
     let (low, high) = mesh.bounds();
     let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
     let mut found: Vec<[f64; 3]> = Vec::new();
-    for (value, sampled) in measure.parts() {
+    for (value, sampled) in parts {
         value.at_step(step).for_each_point(mesh, sampled, values, |g, entity, q, _, v| {
             let here = &sampled.domain.groups[g].here;
             let x = mesh.point_at(here.cells[entity], &here.geometry, q);

@@ -54,6 +54,12 @@ pub(super) fn flat(name: &str, span: Span) -> Box<Diagnostic> {
     )
 }
 
+/// A measure that adds up equations.
+pub(super) fn of_equations(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` adds up equations, which has no derivative yet")).at(span, "a reaction or a balance");
+    Box::new(d.help("the integral of the traction over the faces is the same force: integral((sigma(u)*Normal).[1,0])"))
+}
+
 /// Whether a run can be differentiated with what else was asked of it; why not, in words.
 #[must_use]
 pub fn not_together(scene: &Scene) -> Option<Diagnostic> {
@@ -67,6 +73,10 @@ pub fn not_together(scene: &Scene) -> Option<Diagnostic> {
             "states, `Previous_u` and first rates by backward Euler (`scheme backward_euler`) have them, also with steps \
              `by auto`; differences of whole runs do for the others: wfl sweep",
         ));
+    }
+    if system.has_moving_images() {
+        let d = message("images that follow the bodies have no derivatives yet");
+        return Some(d.help("differences of whole runs do for a mapping `moving with u`: wfl sweep"));
     }
     None
 }

@@ -44,6 +44,8 @@ pub(super) struct Balanced {
     part: BalancePart,
     /// The term of the number, by its place.
     term: usize,
+    /// States are read as they were at the end of the previous step.
+    pub(super) reads_past: bool,
 }
 
 impl Balanced {
@@ -131,7 +133,8 @@ impl Builder<'_> {
         let term = terms.iter().position(|term| term == end).unwrap_or_default();
         // a rank without a node of a statement takes part in the sum of it
         let held = (0..held.prescribed.n_statements()).map(|k| by_statement.remove(&k).unwrap_or_default()).collect();
-        Some(Balanced { of: Equations { fields, terms, held }, part, term })
+        let reads_past = self.has_states();
+        Some(Balanced { of: Equations { fields, terms, held }, part, term, reads_past })
     }
 }
 

@@ -24,7 +24,7 @@ pub(super) fn between(
     entity: EntityKind,
     faces: &[FacetRef],
     span: Span,
-) -> Result<BTreeSet<NodeId>, Diagnostic> {
+) -> Result<BTreeSet<NodeId>, Box<Diagnostic>> {
     let wanted: fn(usize) -> bool = match entity {
         EntityKind::Rim => |n| n == 1,
         EntityKind::Crossings => |n| n > 2,
@@ -33,9 +33,8 @@ pub(super) fn between(
                 "E405",
                 "`interior` is that of the mesh: jumps between faces of a surface are not available",
             );
-            return Err(d
-                .at(span, "a region of edges, of which only `rim` and `crossings` have nodes to be fixed")
-                .help("`interior` alone: the inner faces of all cells"));
+            let text = "a region of edges, of which only `rim` and `crossings` have nodes to be fixed";
+            return Err(d.at(span, text).help("`interior` alone: the inner faces of all cells").into());
         }
         _ => |_| true,
     };
@@ -45,7 +44,7 @@ pub(super) fn between(
     }
     if faces_at.is_empty() {
         let d = Diagnostic::new("E405", "on a line faces are points: they have no edges");
-        return Err(d.at(span, "").help("region ends = nodes where x == 0"));
+        return Err(d.at(span, "").help("region ends = nodes where x == 0").into());
     }
     Ok(faces_at.into_iter().filter(|(_, n)| wanted(*n)).flat_map(|(edge, _)| edge).collect())
 }

@@ -253,9 +253,12 @@ impl Measure {
         Some(sampled.domain.clone())
     }
 
-    /// Its expression on each set of its points.
-    pub(crate) fn parts(&self) -> &[(Value, Sampled)] {
-        &self.parts
+    /// How it is reduced, and its expression on each set of its points; `None` for sums of equations.
+    pub(crate) fn at_points(&self) -> Option<(Reduction, &[(Value, Sampled)])> {
+        match &self.taken {
+            Taken::Points(reduction, parts) => Some((*reduction, parts)),
+            Taken::Reaction(_) | Taken::Balance(_) => None,
+        }
     }
 
     /// True if it reads the end of the previous step.
@@ -263,8 +266,8 @@ impl Measure {
     pub fn reads_past(&self) -> bool {
         match &self.taken {
             Taken::Points(_, parts) => parts.iter().any(|(value, _)| value.reads_past()),
-            // terms read states as they were
-            Taken::Reaction(_) | Taken::Balance(_) => true,
+            Taken::Reaction(reaction) => reaction.reads_past,
+            Taken::Balance(balanced) => balanced.reads_past,
         }
     }
 

@@ -104,6 +104,8 @@ fn term_sums(system: &System, u: &[f64]) -> Option<Vec<Vec<f64>>> {
 pub(super) struct Reaction {
     /// By dof, in the local frame of its node.
     rows: Vec<(usize, f64)>,
+    /// States are read as they were at the end of the previous step.
+    pub(super) reads_past: bool,
 }
 
 impl Reaction {
@@ -171,7 +173,12 @@ impl Builder<'_> {
                 rows.push((dof, along));
             }
         }
-        Some(Reaction { rows })
+        Some(Reaction { rows, reads_past: self.has_states() })
+    }
+
+    /// Whether equations are those of states that have been renewed since.
+    pub(super) fn has_states(&self) -> bool {
+        self.fields.iter().any(|f| f.kind == FieldKind::State)
     }
 
     /// Whether the equations hold at the end of a step, where measures are taken.

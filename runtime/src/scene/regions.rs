@@ -299,7 +299,7 @@ impl RegionMaker<'_> {
             Part::Faces { faces, .. } => match edges::between(self.mesh, entity, faces, span) {
                 Ok(nodes) => edges::pick(self.mesh, nodes, &mut picks),
                 Err(told) => {
-                    self.diagnostics.push(told);
+                    self.diagnostics.push(*told);
                     return None;
                 }
             },
