@@ -46,7 +46,7 @@ fn derivatives_stand_beside_the_results() {
 fn differences_of_runs_go_through_the_steps_that_the_first_run_chose() {
     let folder = Folder::new("gradient_auto");
     let auto = "steps t = 0 to 1 by auto with error=1e-2\nscheme backward_euler\n";
-    folder.write("bar.wfl", &BAR.replace("steps t = 0 to 1 by 0.25\n", auto));
+    folder.write("bar.wfl", BAR.replace("steps t = 0 to 1 by 0.25\n", auto));
     let done = folder.wfl(&["verify", "bar.wfl", "--gradient", "stress, mean(stress)", "--with", "E,", "eta"]);
     assert!(done.status.success(), "{}", said(&done));
     assert_eq!(said(&done).matches("stress").count(), 4, "{}", said(&done));
