@@ -178,9 +178,21 @@ pub struct KinkSides {
 /// The sides of the kinks of a term that move with the unknowns; `None` without such kinks.
 #[must_use]
 pub fn compile_kink_sides(env: &Env<'_>, place: &PlaceSig, name: &str, listing: &Listing) -> Option<KinkSides> {
-    let mut graph = listing.graph.clone();
+    sides_of(env, place, name, (listing.graph.clone(), listing.residual?))
+}
+
+/// The sides of the kinks of an expression that move with the unknowns; `None` without such kinks.
+#[must_use]
+pub fn compile_value_kink_sides(env: &Env<'_>, place: &PlaceSig, name: &str, expr: &Expr) -> Option<KinkSides> {
+    let mut builder = Builder::new(env, place);
+    let root = builder.expr(expr)?;
+    sides_of(env, place, name, (builder.graph, root))
+}
+
+fn sides_of(env: &Env<'_>, place: &PlaceSig, name: &str, of: (Graph, ExprId)) -> Option<KinkSides> {
+    let (mut graph, root) = of;
     let (mut kinds, mut sides, mut known) = (Vec::new(), Vec::new(), BTreeSet::new());
-    for e in graph.reachable(listing.residual?) {
+    for e in graph.reachable(root) {
         match *graph.node(e) {
             Node::Ball(v, r) if graph.depends(v).unknown || graph.depends(r).unknown => {
                 kinds.push(KinkKind::Ball);
@@ -199,6 +211,7 @@ pub fn compile_kink_sides(env: &Env<'_>, place: &PlaceSig, name: &str, listing: 
             _ => {}
         }
     }
+    // an empty tensor has no shape
     let shape = Shape::new(&[sides.len()])?;
     let root = graph.stack(shape, &sides);
     Some(KinkSides { law: value_of(env, place, name, graph, root), kinds })

@@ -127,7 +127,7 @@ pub(crate) fn compare(args: &VerifyArgs, request: &Request) -> ExitCode {
     for row in &rows {
         let verdict = match row.verdict {
             Verdict::Agrees => "",
-            Verdict::OneSide => "a kink: that of one side",
+            Verdict::Kink => "a kink: of one side, or between",
             Verdict::Unclear => "differences too rough to tell",
             Verdict::Disagrees => "WRONG",
         };

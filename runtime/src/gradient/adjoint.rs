@@ -77,7 +77,7 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     let mut extended = Extended::new(scene, live.to_vec());
     let (results, of_measures) = weighed(&mut extended, script, request, &times)?;
     let laws = Laws::new(&extended, script, of_measures, backend)?;
-    let kinks = Kinks::new(&extended, backend)?;
+    let kinks = Kinks::new(&extended, script, results.iter().map(|r| r.measure), backend)?;
     let mut equations = outcome.equations.clone();
     let n_entries = extended.n_entries;
     let mut run = Backwards {
@@ -199,6 +199,8 @@ impl Backwards<'_, '_> {
                     let weight = weighed.steps[*end];
                     let found = self.of_measure((number, weighed), weight, step)?;
                     join(&mut near, found);
+                    let at = (step.time, step.increment);
+                    join(&mut near, kinks.near(&self.solving, &step.u, at, Some(weighed.measure)));
                     self.spread(1.0, true, &mut carried[number], &mut before[number], &mut sums[number].live);
                 }
                 self.put_states(&step.states);
@@ -209,7 +211,7 @@ impl Backwards<'_, '_> {
                     self.each_state(|k| add(&mut start.known[k], &end.known[k]));
                 }
             } else {
-                join(&mut near, kinks.near(&self.solving, &step.u, (step.time, step.increment)));
+                join(&mut near, kinks.near(&self.solving, &step.u, (step.time, step.increment), None));
                 self.transposed.is_new = true;
                 for ((end, start), sum) in carried.iter_mut().zip(&mut before).zip(&mut sums) {
                     self.of_states(step, end, start, sum)?;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use wfl::{Checked, Diagnostic, FieldKind as Declared, ResolvedScript};
+use wfl::{Checked, Diagnostic, FieldKind as Declared, ResolvedScript, ast::Expr};
 use wfl_compiler::{
     TermLaw, backend::KernelBackend, compile_term_gradient, compile_value_gradient, ir::LANES, types::FieldId,
 };
@@ -65,11 +65,7 @@ impl Laws {
         let mut weights = Vec::new();
         for (k, state) in scene.states.iter().enumerate() {
             let name = &scene.system.fields[state.field].name;
-            let update = script.fields.iter().find_map(|f| match &f.kind {
-                Declared::State { update } if f.name.name == *name => Some(update),
-                _ => None,
-            });
-            let (Some(update), Some((value, sampled))) = (update, state.at_points()) else {
+            let (Some(update), Some((value, sampled))) = (update_of(script, name), state.at_points()) else {
                 return Err(not_made(&format!("the update of `{name}` is not at hand")));
             };
             let place = extended.place(&sampled.domain, value.law.mapping.is_some());
@@ -102,6 +98,14 @@ impl Laws {
         }
         Ok(())
     }
+}
+
+/// The text that a state is renewed by.
+pub(super) fn update_of<'s>(script: &'s ResolvedScript, state: &str) -> Option<&'s Expr> {
+    script.fields.iter().find_map(|f| match &f.kind {
+        Declared::State { update } if f.name.name == state => Some(update),
+        _ => None,
+    })
 }
 
 /// A law that acts; nothing for one whose derivatives are zero.

@@ -1,16 +1,20 @@
 //! Points between two branches: there a result has one derivative for each direction, and the adjoint gives that of one
 //! side.
 
-use wfl_compiler::{KinkKind, compile_kink_sides};
+use std::collections::{BTreeMap, BTreeSet};
 
-use super::{extended::Extended, refused::not_made};
+use wfl::{Diagnostic, ResolvedScript};
+use wfl_compiler::{
+    Constant, KinkKind, KinkSides, backend::KernelBackend, compile_kink_sides, compile_value_kink_sides,
+};
+
+use super::{extended::Extended, laws::update_of, refused::not_made};
 use crate::{
     Scene,
+    assemble::FieldValues,
     scene::Solving,
     value::{Sampled, Value},
 };
-use wfl::Diagnostic;
-use wfl_compiler::backend::KernelBackend;
 
 /// The two sides of a kink are one number within this part of the largest of them in the region.
 pub(super) const NEAR: f64 = 1e-9;
@@ -59,71 +63,103 @@ pub(super) fn join(known: &mut Vec<NearKink>, found: impl IntoIterator<Item = Ne
     }
 }
 
-/// The kinks of the terms of a scene.
+/// The kinks of the equations of a scene, of its states, and of results.
 pub(super) struct Kinks {
     list: Vec<Kink>,
 }
 
 struct Kink {
-    term: String,
+    place: String,
+    /// The measure, for a kink of a result.
+    measure: Option<usize>,
     kinds: Vec<KinkKind>,
     value: Value,
     sampled: Sampled,
 }
 
 impl Kinks {
-    pub(super) fn new(extended: &Extended<'_>, backend: &dyn KernelBackend) -> Result<Self, Box<Diagnostic>> {
+    pub(super) fn new(
+        extended: &Extended<'_>,
+        script: &ResolvedScript,
+        measures: impl Iterator<Item = usize>,
+        backend: &dyn KernelBackend,
+    ) -> Result<Self, Box<Diagnostic>> {
         let scene: &Scene = extended.scene;
-        let env = extended.env();
-        let mut list = Vec::new();
+        let params: BTreeMap<String, Constant> = scene.params.iter().cloned().collect();
+        let env = scene.env_with(&scene.sigs, &params);
+        let mut found = Vec::new();
         for term in scene.system.terms.iter().filter(|t| !t.law.kinks.is_empty()) {
-            let domain = term.integrator.domain.clone();
-            let place = extended.place(&domain, term.law.listing.graph.mapping.is_some());
-            let Some(sides) = compile_kink_sides(&env, &place, &term.law.name, &term.law.listing) else { continue };
-            let value = Value::new(sides.law, backend).map_err(|e| not_made(&e.to_string()))?;
-            let sampled = value.bind(&scene.system.mesh, domain, &scene.system.fields);
+            let domain = &term.integrator.domain;
+            let place = extended.place(domain, term.law.listing.graph.mapping.is_some());
+            let sides = compile_kink_sides(&env, &place, &term.law.name, &term.law.listing);
+            found.push((term.law.name.clone(), None, domain, sides));
+        }
+        for state in &scene.states {
+            let name = &scene.system.fields[state.field].name;
+            if let (Some((value, sampled)), Some(update)) = (state.at_points(), update_of(script, name)) {
+                let place = extended.place(&sampled.domain, value.law.mapping.is_some());
+                let sides = compile_value_kink_sides(&env, &place, name, update);
+                found.push((name.clone(), None, &sampled.domain, sides));
+            }
+        }
+        for k in measures.collect::<BTreeSet<usize>>() {
+            let measure = &scene.measures[k];
+            let Some(declared) = script.measures.iter().find(|m| m.name.name == measure.name) else { continue };
+            for (value, sampled) in measure.at_points().map_or(&[][..], |(_, parts)| parts) {
+                let place = extended.place(&sampled.domain, value.law.mapping.is_some());
+                let sides = compile_value_kink_sides(&env, &place, &measure.name, &declared.expr);
+                found.push((measure.name.clone(), Some(k), &sampled.domain, sides));
+            }
+        }
+        let mut list = Vec::new();
+        for (place, measure, domain, sides) in found {
+            let Some(KinkSides { law, kinds }) = sides else { continue };
+            let value = Value::new(law, backend).map_err(|e| not_made(&e.to_string()))?;
+            let sampled = value.bind(&scene.system.mesh, domain.clone(), &scene.system.fields);
             let sampled = sampled.map_err(|e| not_made(&e.to_string()))?;
-            list.push(Kink { term: term.law.name.clone(), kinds: sides.kinds, value, sampled });
+            list.push(Kink { place, measure, kinds, value, sampled });
         }
         Ok(Self { list })
     }
 
-    /// The points between two branches at a state.
-    pub(super) fn near(&self, solving: &Solving<'_>, u: &[f64], step: (f64, f64)) -> Vec<NearKink> {
+    /// The points between two branches at a state: of equations and states, or of a measure.
+    pub(super) fn near(
+        &self,
+        solving: &Solving<'_>,
+        u: &[f64],
+        step: (f64, f64),
+        measure: Option<usize>,
+    ) -> Vec<NearKink> {
         let values = solving.system.values(u);
+        let wanted = self.list.iter().filter(|kink| kink.measure == measure);
+        wanted.flat_map(|kink| kink.near(solving, values.view(), step)).collect()
+    }
+}
+
+impl Kink {
+    fn near(&self, solving: &Solving<'_>, values: FieldValues<'_>, step: (f64, f64)) -> Vec<NearKink> {
+        let n = self.kinds.len();
+        let mut points: Vec<f64> = Vec::new();
+        let value = self.value.at_step(step);
+        value.for_each_point(&solving.system.mesh, &self.sampled, values, |_, _, _, _, v| points.extend_from_slice(v));
+        let at = |point: &[f64], k: usize| [point[2 * k], point[2 * k + 1]];
+        let size = |p: &[f64], k: usize| at(p, k).into_iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let scale = |k: usize| points.chunks_exact(2 * n).map(|p| size(p, k)).fold(0.0, f64::max);
+        let scales: Vec<f64> = (0..n).map(scale).collect();
         let mut out = Vec::new();
-        for kink in &self.list {
-            let n = kink.kinds.len();
-            let mut points: Vec<f64> = Vec::new();
-            let value = kink.value.at_step(step);
-            value.for_each_point(&solving.system.mesh, &kink.sampled, values.view(), |_, _, _, _, v| {
-                points.extend_from_slice(v);
-            });
-            let size = |x: &[f64]| x[0].abs().max(x[1].abs());
-            let at = |point: &[f64], k: usize| [point[2 * k], point[2 * k + 1]];
-            let scales: Vec<f64> =
-                (0..n).map(|k| points.chunks_exact(2 * n).map(|p| size(&at(p, k))).fold(0.0, f64::max)).collect();
-            for (kind, text) in TEXTS {
-                let is_near = |point: &[f64]| {
-                    (0..n).filter(|k| kink.kinds[*k] == kind).any(|k| {
-                        let [a, b] = at(point, k);
-                        // where nothing presses there is no friction, whatever the radius is
-                        let counts = kind == KinkKind::Select || b > NEAR * scales[k];
-                        counts && (a - b).abs() <= NEAR * scales[k]
-                    })
-                };
-                let near = points.chunks_exact(2 * n).filter(|p| is_near(p)).count();
-                if near > 0 {
-                    let of = points.len() / (2 * n);
-                    out.push(NearKink {
-                        place: kink.term.clone(),
-                        kind: text,
-                        time: step.0,
-                        points: near,
-                        of,
-                        more: 0,
-                    });
-                }
+        for (kind, text) in TEXTS {
+            let is_near = |point: &&[f64]| {
+                (0..n).filter(|k| self.kinds[*k] == kind).any(|k| {
+                    let [a, b] = at(point, k);
+                    // where nothing presses there is no friction, whatever the radius is
+                    let counts = kind == KinkKind::Select || b > NEAR * scales[k];
+                    counts && (a - b).abs() <= NEAR * scales[k]
+                })
+            };
+            let near = points.chunks_exact(2 * n).filter(is_near).count();
+            if near > 0 {
+                let of = points.len() / (2 * n);
+                out.push(NearKink { place: self.place.clone(), kind: text, time: step.0, points: near, of, more: 0 });
             }
         }
         out

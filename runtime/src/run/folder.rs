@@ -86,7 +86,8 @@ pub(super) fn remove_checkpoint(dir: &OutputDir) -> Result<(), RunError> {
 
 /// Notes how far a run got; a page about an earlier one goes.
 pub(super) fn end(dir: &OutputDir, state: State) -> Result<(), OutputError> {
-    dir.remove_former(|name| GO_WITH_RESULTS.contains(&name))?;
+    let of_field = |name: &str| name.starts_with("gradient_") && name.contains("_by_") && name.ends_with(".csv");
+    dir.remove_former(|name| GO_WITH_RESULTS.contains(&name) || of_field(name))?;
     dir.finish(state)
 }
 

@@ -31,6 +31,8 @@ const SPREAD: f64 = 10.0;
 const ROUGH: f64 = 1e-3;
 /// ... and within what this part of the result leaves of a difference.
 const ROUNDING: f64 = 1e-12;
+/// Differences to both sides that are further apart than this part of them are those of a kink.
+const KINK: f64 = 0.1;
 
 /// The name of a file with the derivatives in a data field.
 fn field_file(result: &str, field: &str) -> String {
@@ -154,8 +156,8 @@ pub struct Compared {
 pub enum Verdict {
     /// With the central difference.
     Agrees,
-    /// The result has a kink in the parameter; the derivative is that of one side.
-    OneSide,
+    /// The result has a kink in the parameter; the derivative is that of one side, or between both.
+    Kink,
     /// The differences are too rough to say so.
     Unclear,
     /// With neither.
@@ -230,8 +232,11 @@ fn compared(names: (&str, &str), at: (f64, f64), k: usize, runs: &[Pair]) -> Com
         }
     };
     let one_side = [verdict(|d| d.forward), verdict(|d| d.backward)].contains(&Verdict::Agrees);
+    // differences to both sides that are apart for every change are those of a kink
+    let is_kink = |d: &Difference| apart(d) > KINK * d.forward.abs().max(d.backward.abs()).max(d.noise);
+    let between = all.iter().all(|d| is_kink(d) && (derivative - d.forward) * (derivative - d.backward) < 0.0);
     let verdict = match verdict(|d| d.central) {
-        Verdict::Disagrees if one_side => Verdict::OneSide,
+        Verdict::Disagrees if one_side || between => Verdict::Kink,
         of_both => of_both,
     };
     let Difference { forward, backward, central, .. } = best;
