@@ -5,7 +5,7 @@ use std::path::Path;
 
 use wfl_compiler::InterpreterBackend;
 use wfl_runtime::system::System;
-use wfl_tests::{Attempt, Solved, attempt, examples, prepared, reference, solve};
+use wfl_tests::{Attempt, Solved, attempt, doubts, examples, prepared, reference, solve};
 
 /// Two blocks in contact along y = 1.
 const BLOCKS: &str = "wfl 1
@@ -77,7 +77,7 @@ fn a_block_presses_where_it_has_gone() {
     let (normal, left) = (measure(&found, "N"), measure(&found, "left_behind"));
     assert!(normal[27] > 0.5 * normal[1], "{normal:?}");
     assert!(left[27] < 1e-4 * left[1], "{left:?}");
-    assert!(found.outcome.warnings.iter().all(|w| w.0 != "W631"), "{:?}", found.outcome.warnings);
+    assert!(found.outcome.warnings.iter().all(|d| d.code != "W631"), "{:?}", doubts(&found.outcome));
 }
 
 /// A finite rotation of everything changes no force, and nothing slips.
@@ -154,8 +154,8 @@ fn images_lost_under_pressure_are_told() {
     let drive = "steps s = 0 to 5 by 1\nfix a = [max(0, s - 1)*0.8, -0.02*min(s, 1)] on lid\nfix b = [0, 0] on base\n";
     let Attempt { solved, messages } = attempt(Path::new("."), blocks(4, drive), &[], &[("fric", 0.0)]);
     let found = solved.unwrap_or_else(|| panic!("{messages}"));
-    let lost: Vec<&String> = found.outcome.warnings.iter().filter(|w| w.0 == "W632").map(|w| &w.1).collect();
-    assert!(lost.len() == 1 && lost[0].contains("lost their image"), "{:?}", found.outcome.warnings);
+    let lost: Vec<_> = found.outcome.warnings.iter().filter(|d| d.code == "W632").collect();
+    assert!(lost.len() == 1 && lost[0].message.contains("lost their image"), "{lost:?}");
 }
 
 /// What is not there is refused with its place, and not solved some other way.

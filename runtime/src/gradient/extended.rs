@@ -57,7 +57,14 @@ impl<'a> Extended<'a> {
         for l in &live {
             let (name, n_components) = (l.name.clone(), l.shape.len());
             fields.push(Field { name: name.clone(), kind: FieldKind::Data, n_components, space: FieldSpace::Global });
-            sigs.push(FieldSig { name, shape: l.shape, degree: 0, kind: FieldKind::Data, global: true, on_faces: false });
+            sigs.push(FieldSig {
+                name,
+                shape: l.shape,
+                degree: 0,
+                kind: FieldKind::Data,
+                global: true,
+                on_faces: false,
+            });
         }
         let mut n_entries = 0;
         let starts = fields

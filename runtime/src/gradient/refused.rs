@@ -56,7 +56,8 @@ pub(super) fn flat(name: &str, span: Span) -> Box<Diagnostic> {
 
 /// A measure that adds up equations.
 pub(super) fn of_equations(name: &str, span: Span) -> Box<Diagnostic> {
-    let d = message(format!("`{name}` adds up equations, which has no derivative yet")).at(span, "a reaction or a balance");
+    let d =
+        message(format!("`{name}` adds up equations, which has no derivative yet")).at(span, "a reaction or a balance");
     Box::new(d.help("the integral of the traction over the faces is the same force: integral((sigma(u)*Normal).[1,0])"))
 }
 

@@ -155,10 +155,8 @@ pub(crate) fn unbalanced<'s>(
         });
         let (time, lost, moved) = worst.max_by(|a, b| part(a.1, a.2).total_cmp(&part(b.1, b.2)))?;
         (part(lost, moved) > LOST).then(|| {
-            let text = format!(
-                "at t = {time} the balance `{name}` loses {lost:.3e}, {:.1e} of what moves",
-                part(lost, moved)
-            );
+            let text =
+                format!("at t = {time} the balance `{name}` loses {lost:.3e}, {:.1e} of what moves", part(lost, moved));
             let why = "the step has not converged to that, or points of a mapping have no image";
             Diagnostic::new("W650", text).note(why)
         })
