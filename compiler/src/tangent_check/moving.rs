@@ -22,7 +22,14 @@ const LAWS: [&str; 3] = [
 
 /// A law on faces of a body in space of dimension `dim`, with an unknown `u` and data `g` on both sides of a mapping.
 fn law(text: &str, dim: usize) -> TermLaw {
-    let sig = |name: &str, shape, kind| FieldSig { name: name.to_owned(), shape, degree: 2, kind, global: false };
+    let sig = |name: &str, shape, kind| FieldSig {
+        name: name.to_owned(),
+        shape,
+        degree: 2,
+        kind,
+        global: false,
+        on_faces: false,
+    };
     let fields = [sig("u", Shape::vector(dim), FieldKind::Unknown), sig("g", Shape::SCALAR, FieldKind::Data)];
     let place = PlaceSig {
         name: "here".to_owned(),
