@@ -114,6 +114,29 @@ fn closed_derivatives_of_two_blocks() {
     assert!(deviation(&found, "penalty_state") < 1e-9);
 }
 
+/// States are homogeneous: the force on the grip of the right block is the shear times the height 1, up to its sign, and so
+/// are the derivatives; also in `d`, which is what the grip prescribes.
+#[test]
+fn reactions_have_the_derivatives_of_the_traction_that_they_balance() {
+    for (form, with) in
+        [(NITSCHE, "E, nu, fric, d, p, gamma"), (INCREMENTS, "E, nu, fric, d, p"), (PENALTY, "E, d, gamma")]
+    {
+        let text = format!("{BLOCKS}{form}measure grip = reaction(uR(2)) on east\n");
+        let found = of(text, &[], "grip, shear, sum(grip), sum(shear)", with);
+        let value = |name: &str| found.results.iter().find(|r| r.name == name).expect("a result").value;
+        for (reaction, traction) in [("grip", "shear"), ("sum(grip)", "sum(shear)")] {
+            let sign = value(reaction).signum() * value(traction).signum();
+            assert!((value(reaction) - sign * value(traction)).abs() < 1e-9 * value(traction).abs());
+            for parameter in with.split(", ") {
+                let [a, b] = [reaction, traction].map(|of| found.number(of, parameter).expect("a derivative"));
+                // a derivative that is zero, against the value over the parameter
+                let size = b.abs().max(1e-6 * value(traction).abs());
+                assert!((a - sign * b).abs() < 1e-8 * size, "{reaction} in {parameter}: {a}, {b}");
+            }
+        }
+    }
+}
+
 /// Friction that remembers where it was, up, down and up again: antiplane, a multiplier and a vertex rule.
 const PATH: &str = "wfl 1
 param f0 = 0.1

@@ -3,15 +3,16 @@
 use std::process::ExitCode;
 
 use serde_json::Value;
+use wfl::{Diagnostic, SourceMap};
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     Outcome, Scene,
-    gradient::{Differentiated, Gradients, Request, gradients},
+    gradient::{Differentiated, Gradients, NearKink, Request, gradients},
 };
 use wfl_tasks::{
     Loaded, available_threads,
     folder::{error_line, told},
-    gradient::{Verdict, Verified, numbers, verify, write},
+    gradient::{Comparison, Verdict, Verified, numbers, verify, write},
 };
 
 use crate::{
@@ -65,13 +66,14 @@ pub(crate) fn differentiate(
     if ready.loudness != Loudness::Quiet {
         out(&text(&found));
     }
-    warn(&found);
+    warn(&loaded.sources, &found);
     true
 }
 
 /// What there is to tell of points between two branches, and of parameters.
-fn warn(found: &Gradients) {
-    found.near.iter().for_each(|near| say(&format!("warning[W660]: {}\n", near.text())));
+fn warn(sources: &SourceMap, found: &Gradients) {
+    let near: Vec<Diagnostic> = found.near.iter().map(NearKink::finding).collect();
+    print_all(&near, sources);
     found.notes.iter().for_each(|note| say(&format!("note: {note}\n")));
 }
 
@@ -115,8 +117,8 @@ pub(crate) fn compare(args: &VerifyArgs, request: &Request) -> ExitCode {
     };
     let verified = verify(of);
     drop(preparing);
-    let (rows, found) = match verified {
-        Ok(verified) => verified,
+    let Comparison { rows, found, sources } = match verified {
+        Ok(comparison) => comparison,
         Err(why) => {
             say(&if why.starts_with("error") { why } else { format!("error: {why}") });
             return ExitCode::from(EXIT_ERROR);
@@ -136,7 +138,7 @@ pub(crate) fn compare(args: &VerifyArgs, request: &Request) -> ExitCode {
         table.push(names.into_iter().chain([a, b, c, d, verdict.to_owned()]).map(Value::from).collect());
     }
     out(&table.text());
-    warn(&found);
+    warn(&sources, &found);
     let wrong: Vec<String> = rows
         .iter()
         .filter(|row| row.verdict == Verdict::Disagrees)

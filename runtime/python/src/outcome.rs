@@ -122,7 +122,7 @@ impl PyOutcome {
             }
             made.set_item("fields", fields)?;
         }
-        let near = found.near.iter().map(wfl_runtime::gradient::NearKink::text);
+        let near = found.near.iter().map(|near| near.finding().line());
         made.set_item("warnings", near.collect::<Vec<_>>())?;
         made.set_item("notes", &found.notes)?;
         Ok(made)

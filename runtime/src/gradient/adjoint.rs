@@ -10,7 +10,7 @@ use super::{
     extended::{Extended, Live},
     formulas::Formula,
     laws::{Laws, Of},
-    measures::{Weighed, weighed},
+    measures::{Summed, Weighed, weighed},
     near::{Kinks, NearKink, join},
     parameters::to_declared,
     refused::{self, not_made},
@@ -194,16 +194,23 @@ impl Backwards<'_, '_> {
             self.stand_at(n)?;
             let mut before = vec![zero.clone(); results.len()];
             if let Some(end) = ends.get(&n) {
+                let read = || results.iter().enumerate().filter(|(_, w)| w.steps[*end] != 0.0);
                 self.put_states(&after);
-                for (number, weighed) in results.iter().enumerate().filter(|(_, w)| w.steps[*end] != 0.0) {
-                    let weight = weighed.steps[*end];
-                    let found = self.of_measure((number, weighed), weight, step)?;
+                for (number, weighed) in read() {
+                    let Summed::Points(fields) = &weighed.summed else { continue };
+                    let found = self.of_measure((number, weighed), (fields, weighed.steps[*end]), step)?;
                     join(&mut near, found);
                     let at = (step.time, step.increment);
                     join(&mut near, kinks.near(&self.solving, &step.u, at, Some(weighed.measure)));
                     self.spread(1.0, true, &mut carried[number], &mut before[number], &mut sums[number].live);
                 }
                 self.put_states(&step.states);
+                // where time starts no equation was solved, and a reaction is zero
+                for (number, weighed) in read().filter(|_| step.kind != Passed::Given) {
+                    let Summed::Rows(rows) = &weighed.summed else { continue };
+                    self.of_rows((rows, weighed.steps[*end]), step)?;
+                    self.spread(-1.0, false, &mut carried[number], &mut before[number], &mut sums[number].live);
+                }
             }
             if step.kind == Passed::Given {
                 for (end, start) in carried.iter().zip(&mut before) {
@@ -308,17 +315,35 @@ impl Backwards<'_, '_> {
     fn of_measure(
         &mut self,
         result: (usize, &Weighed),
-        weight: f64,
+        weights: (&[usize], f64),
         step: &PassedStep,
     ) -> Result<Option<NearKink>, Box<Diagnostic>> {
-        let (number, weighed) = result;
+        let ((number, weighed), (fields, weight)) = (result, weights);
         let values = self.solving.system.values(&step.u);
         let (points, near) = weighed.at_points(&self.solving, values.view(), (step.time, step.increment));
         drop(values);
         let scaled = |list: Vec<f64>| list.into_iter().map(|x| weight * x).collect();
-        let weights = weighed.fields.iter().copied().zip(points.into_iter().map(scaled)).collect();
+        let weights = fields.iter().copied().zip(points.into_iter().map(scaled)).collect();
         self.evaluate(|of| matches!(of, Of::Measure(result, _) if result == number), &step.u, &weights)?;
         Ok(near)
+    }
+
+    /// The derivatives of weighted equations of prescribed values.
+    fn of_rows(&mut self, rows: (&[(usize, f64)], f64), step: &PassedStep) -> Result<(), Box<Diagnostic>> {
+        let (rows, factor) = rows;
+        let numbering = &self.solving.system.numbering;
+        let mut weights = vec![0.0; numbering.n_dofs];
+        rows.iter().for_each(|(dof, weight)| weights[*dof] += factor * weight);
+        numbering.frames.turn_back(&mut weights);
+        let weights = self.by_test_field(&weights);
+        self.evaluate(|of| of == Of::Term, &step.u, &weights)
+    }
+
+    /// Numbers by dof as the values of the fields that stand for the test functions.
+    fn by_test_field(&self, numbers: &[f64]) -> BTreeMap<usize, Vec<f64>> {
+        let n = self.extended.n;
+        let ranges = (0..n).filter_map(|k| Some((k + n, self.solving.system.range(k)?)));
+        ranges.map(|(k, range)| (k, numbers[range].to_vec())).collect()
     }
 
     /// Updates of states: what the states at the end of a step follow.
@@ -359,9 +384,7 @@ impl Backwards<'_, '_> {
             return Ok(());
         }
         let adjoint = self.transposed.solve(self.solving.system, &step.u, &end.u, self.of.threads)?;
-        let n = self.extended.n;
-        let ranges = (0..n).filter_map(|k| Some((k + n, self.solving.system.range(k)?)));
-        let weights = ranges.map(|(k, range)| (k, adjoint[range].to_vec())).collect();
+        let weights = self.by_test_field(&adjoint);
         self.evaluate(|of| of == Of::Term, &step.u, &weights)?;
         let rhs = end.u.clone();
         self.spread(-1.0, false, end, start, &mut sum.live);

@@ -1,4 +1,5 @@
-//! Results: measures as weighted sums over points, whose weights are those of the reduction.
+//! Results: measures as weighted sums over points, whose weights are those of the reduction, or over the equations of
+//! prescribed values.
 //!
 //! An integral has the weights of its rule, a mean those over the size of its region. The largest value is that of one
 //! point, and so is its derivative; two points that share it are told.
@@ -14,7 +15,7 @@ use super::{
     extended::Extended,
     laws::{Of, Placed, acts},
     near::{NEAR, NearKink},
-    refused::{flat, no_result, of_equations},
+    refused::{flat, no_result, of_balance, of_followed},
 };
 use crate::{
     Measure,
@@ -23,12 +24,20 @@ use crate::{
     value::{Sampled, Value},
 };
 
-/// The points of a measure, with numbers there that a derivative is weighted with.
+/// What a result is a weighted sum of.
+pub(super) enum Summed {
+    /// Values at points: by part of the points the field of their weights.
+    Points(Vec<usize>),
+    /// Equations of prescribed values: minus their sum, with weights by dof in local frames.
+    Rows(Vec<(usize, f64)>),
+}
+
+/// A measure as a weighted sum.
 pub(super) struct Weighed {
     /// Position of the measure in the scene.
     pub(super) measure: usize,
-    /// By part of its points the field of their weights.
-    pub(super) fields: Vec<usize>,
+    /// Of what.
+    pub(super) summed: Summed,
     /// By step of the trajectory that ends a step of the scene its weight in the result.
     pub(super) steps: Vec<f64>,
 }
@@ -53,10 +62,17 @@ pub(super) fn weighed(
         let steps = wanted.weights(times).map_err(|why| {
             Box::new(Diagnostic::new("E470", format!("`{}`: {why}", wanted.name)).at(declared.span, "this measure"))
         })?;
-        let (mut fields, mut any) = (Vec::new(), false);
+        if let Some(rows) = scene.measures[measure].rows() {
+            if scene.system.numbering.has_ties() {
+                return Err(of_followed(&wanted.measure, declared.expr.span));
+            }
+            results.push(Weighed { measure, summed: Summed::Rows(rows.to_vec()), steps });
+            continue;
+        }
         let Some((_, points)) = scene.measures[measure].at_points() else {
-            return Err(of_equations(&wanted.measure, declared.expr.span));
+            return Err(of_balance(&wanted.measure, declared.expr.span));
         };
+        let (mut fields, mut any) = (Vec::new(), false);
         for (part, (value, sampled)) in points.iter().enumerate() {
             let weights = extended.add_weights(&sampled.domain);
             let place = extended.place(&sampled.domain, value.law.mapping.is_some());
@@ -70,7 +86,7 @@ pub(super) fn weighed(
         if !any {
             return Err(flat(&wanted.measure, declared.expr.span));
         }
-        results.push(Weighed { measure, fields, steps });
+        results.push(Weighed { measure, summed: Summed::Points(fields), steps });
     }
     Ok((results, laws))
 }
@@ -129,6 +145,7 @@ impl Weighed {
                 };
                 let told = (reduction != Reduction::Value && sharing > 1).then(|| NearKink {
                     place: measure.name.clone(),
+                    span: Some(measure.span),
                     kind: "share the largest or smallest value",
                     time: step.0,
                     points: sharing,

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use wfl::{Diagnostic, ResolvedScript};
+use wfl::{Diagnostic, ResolvedScript, Span};
 use wfl_compiler::{
     Constant, KinkKind, KinkSides, backend::KernelBackend, compile_kink_sides, compile_value_kink_sides,
 };
@@ -22,8 +22,10 @@ pub(super) const NEAR: f64 = 1e-9;
 /// Points of a region between two branches at the end of a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NearKink {
-    /// The term, or the measure.
+    /// The term, the state or the measure.
     pub place: String,
+    /// Its statement.
+    pub span: Option<Span>,
     /// What they do there.
     pub kind: &'static str,
     /// The step variable at the end of the first such step.
@@ -37,19 +39,18 @@ pub struct NearKink {
 }
 
 impl NearKink {
-    /// What there is to tell of them.
+    /// W660: what there is to tell of them.
     #[must_use]
-    pub fn text(&self) -> String {
-        let Self { place, kind, time, points, of, more } = self;
+    pub fn finding(&self) -> Diagnostic {
+        let Self { place, span, kind, time, points, of, more } = self;
         let further = match more {
             0 => String::new(),
             1 => ", and some at another step".to_owned(),
             n => format!(", and some at {n} more steps"),
         };
-        format!(
-            "{points} of {of} points of `{place}` {kind} at t = {time}{further}: the derivative is that of one side, and another one for \
-             changes to the other side; differences of runs to both sides show them: wfl verify --gradient"
-        )
+        Diagnostic::new("W660", format!("{points} of {of} points of `{place}` {kind} at t = {time}{further}"))
+            .at_or_note(*span, "the derivative is that of one side, and another one for changes to the other side")
+            .help("differences of runs to both sides show them: wfl verify --gradient")
     }
 }
 
@@ -70,6 +71,7 @@ pub(super) struct Kinks {
 
 struct Kink {
     place: String,
+    span: Option<Span>,
     /// The measure, for a kink of a result.
     measure: Option<usize>,
     kinds: Vec<KinkKind>,
@@ -92,14 +94,15 @@ impl Kinks {
             let domain = &term.integrator.domain;
             let place = extended.place(domain, term.law.listing.graph.mapping.is_some());
             let sides = compile_kink_sides(&env, &place, &term.law.name, &term.law.listing);
-            found.push((term.law.name.clone(), None, domain, sides));
+            let named = (term.law.name.clone(), scene.place_of_term(&term.law.name));
+            found.push((named, None, domain, sides));
         }
         for state in &scene.states {
             let name = &scene.system.fields[state.field].name;
             if let (Some((value, sampled)), Some(update)) = (state.at_points(), update_of(script, name)) {
                 let place = extended.place(&sampled.domain, value.law.mapping.is_some());
                 let sides = compile_value_kink_sides(&env, &place, name, update);
-                found.push((name.clone(), None, &sampled.domain, sides));
+                found.push(((name.clone(), scene.place_of_field(name)), None, &sampled.domain, sides));
             }
         }
         for k in measures.collect::<BTreeSet<usize>>() {
@@ -108,16 +111,16 @@ impl Kinks {
             for (value, sampled) in measure.at_points().map_or(&[][..], |(_, parts)| parts) {
                 let place = extended.place(&sampled.domain, value.law.mapping.is_some());
                 let sides = compile_value_kink_sides(&env, &place, &measure.name, &declared.expr);
-                found.push((measure.name.clone(), Some(k), &sampled.domain, sides));
+                found.push(((measure.name.clone(), Some(measure.span)), Some(k), &sampled.domain, sides));
             }
         }
         let mut list = Vec::new();
-        for (place, measure, domain, sides) in found {
+        for ((place, span), measure, domain, sides) in found {
             let Some(KinkSides { law, kinds }) = sides else { continue };
             let value = Value::new(law, backend).map_err(|e| not_made(&e.to_string()))?;
             let sampled = value.bind(&scene.system.mesh, domain.clone(), &scene.system.fields);
             let sampled = sampled.map_err(|e| not_made(&e.to_string()))?;
-            list.push(Kink { place, measure, kinds, value, sampled });
+            list.push(Kink { place, span, measure, kinds, value, sampled });
         }
         Ok(Self { list })
     }
@@ -159,7 +162,8 @@ impl Kink {
             let near = points.chunks_exact(2 * n).filter(is_near).count();
             if near > 0 {
                 let of = points.len() / (2 * n);
-                out.push(NearKink { place: self.place.clone(), kind: text, time: step.0, points: near, of, more: 0 });
+                let (place, span) = (self.place.clone(), self.span);
+                out.push(NearKink { place, span, kind: text, time: step.0, points: near, of, more: 0 });
             }
         }
         out

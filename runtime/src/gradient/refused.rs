@@ -54,11 +54,16 @@ pub(super) fn flat(name: &str, span: Span) -> Box<Diagnostic> {
     )
 }
 
-/// A measure that adds up equations.
-pub(super) fn of_equations(name: &str, span: Span) -> Box<Diagnostic> {
-    let d =
-        message(format!("`{name}` adds up equations, which has no derivative yet")).at(span, "a reaction or a balance");
-    Box::new(d.help("the integral of the traction over the faces is the same force: integral((sigma(u)*Normal).[1,0])"))
+/// A measure that is a part of a balance.
+pub(super) fn of_balance(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` is a part of a balance, which has no derivative yet")).at(span, "");
+    Box::new(d.help("`reaction(p)` has one: what flows out where values are prescribed"))
+}
+
+/// A reaction in a scene in which nodes follow others.
+pub(super) fn of_followed(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` is a reaction in a scene whose nodes follow others: it has no derivative yet"));
+    Box::new(d.at(span, "").help("the integral of a traction over the faces is the same force, and has one"))
 }
 
 /// Whether a run can be differentiated with what else was asked of it; why not, in words.

@@ -261,6 +261,15 @@ impl Measure {
         }
     }
 
+    /// Of a reaction the prescribed dofs, in the local frames of their nodes, with the weight of each: it is minus the sum of
+    /// their equations times that.
+    pub(crate) fn rows(&self) -> Option<&[(usize, f64)]> {
+        match &self.taken {
+            Taken::Reaction(reaction) => Some(reaction.rows()),
+            Taken::Points(..) | Taken::Balance(_) => None,
+        }
+    }
+
     /// True if it reads the end of the previous step.
     #[must_use]
     pub fn reads_past(&self) -> bool {

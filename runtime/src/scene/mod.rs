@@ -129,7 +129,7 @@ pub struct Measure {
     /// Its name.
     pub name: String,
     taken: Taken,
-    span: wfl::Span,
+    pub(crate) span: wfl::Span,
 }
 
 /// What a measure is made of.

@@ -109,6 +109,11 @@ pub(super) struct Reaction {
 }
 
 impl Reaction {
+    /// By dof, in the local frame of its node, what the measure makes of its equation.
+    pub(super) fn rows(&self) -> &[(usize, f64)] {
+        &self.rows
+    }
+
     /// Its value at a state; made by all ranks together.
     pub(super) fn value(&self, at: &Measured<'_>) -> f64 {
         let own = match at.rows() {

@@ -5,6 +5,7 @@
 
 use std::{path::Path, time::Instant};
 
+use wfl::SourceMap;
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     Outcome, Quiet, RunOptions, Scene,
@@ -104,7 +105,7 @@ pub fn write(folder: &Path, scene: &Scene, of: &Gradients, report: &mut Report) 
 /// What there is to tell of derivatives, with its code.
 #[must_use]
 pub fn told(of: &Gradients) -> Vec<String> {
-    of.near.iter().map(|near| format!("W660: {}", near.text())).collect()
+    of.near.iter().map(|near| format!("W660: {}", near.finding().line())).collect()
 }
 
 fn reported(of: &wfl_runtime::gradient::Gradient) -> GradientReport {
@@ -164,11 +165,21 @@ pub enum Verdict {
     Disagrees,
 }
 
-/// Differentiates a scene and compares with differences of runs; behind them the derivatives.
+/// Derivatives beside differences of runs.
+pub struct Comparison {
+    /// A row for each result and parameter.
+    pub rows: Vec<Compared>,
+    /// The derivatives.
+    pub found: Gradients,
+    /// The text that places of messages are in.
+    pub sources: SourceMap,
+}
+
+/// Differentiates a scene and compares with differences of runs.
 ///
 /// # Errors
 /// In words with their places where there are some.
-pub fn verify(of: Verified<'_>) -> Result<(Vec<Compared>, Gradients), String> {
+pub fn verify(of: Verified<'_>) -> Result<Comparison, String> {
     let (loaded, scene, outcome) = solved(of, None)?;
     let times: Vec<f64> = outcome.steps.iter().map(|s| s.time).collect();
     let differentiated = Differentiated {
@@ -200,7 +211,7 @@ pub fn verify(of: Verified<'_>) -> Result<(Vec<Compared>, Gradients), String> {
             rows.push(compared((&gradient.name, parameter), (derivative, gradient.value), k, &runs));
         }
     }
-    Ok((rows, found))
+    Ok(Comparison { rows, found, sources: loaded.sources })
 }
 
 /// The changes of a parameter upwards and downwards, and the results of both runs.
