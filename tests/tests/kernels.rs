@@ -30,6 +30,12 @@ fn laws() -> Vec<(String, TermLaw)> {
     laws
 }
 
+/// Whether a law reads what it tests at images that follow the bodies: an entry is no difference with one number alone moved,
+/// and is compared along the chain by `wfl verify` and the tests of the compiler.
+fn follows_images(law: &TermLaw) -> bool {
+    law.inputs.iter().any(|slot| matches!(slot, InputSlot::ImageShift(_)))
+}
+
 /// A state of a point: fields of a size, unit normals, positive sizes.
 fn state(law: &TermLaw, sequence: &mut Sequence, size: f64) -> Vec<f64> {
     let mut inputs: Vec<f64> = law
@@ -119,7 +125,7 @@ fn tangent_error(law: &TermLaw, given: &[f64], inputs: &[f64], step: f64) -> f64
 fn tangents_agree_with_differences_of_the_residual_on_every_branch() {
     let mut sequence = Sequence(0x0dd0_beef_cafe_f00d);
     for (name, law) in laws() {
-        if law.entries.is_empty() {
+        if law.entries.is_empty() || follows_images(&law) {
             continue;
         }
         let mut seen: Vec<Vec<f64>> = Vec::new();
@@ -176,12 +182,12 @@ fn bisect(law: &TermLaw, given: &[f64], a: &[f64], b: &[f64], kink: usize) -> (f
 fn tangents_agree_next_to_every_kink_on_both_of_its_sides() {
     let mut sequence = Sequence(0x5eed_0f1e_55c0_ffee);
     let (mut n_kinks, mut n_states) = (0, 0);
-    for (name, law) in laws().iter().filter(|(_, law)| !law.entries.is_empty()) {
+    for (name, law) in laws().iter().filter(|(_, law)| !law.entries.is_empty() && !follows_images(law)) {
         for kink in 0..law.kinks.len() {
             n_kinks += 1;
             let mut tested = 0;
             for k in 0..400 {
-                let size = 10f64.powi(k % 6 - 5);
+                let size = 10f64.powi(k % 7 - 5);
                 let given = uniforms(law, &mut sequence);
                 let (a, b) = (state(law, &mut sequence, size), state(law, &mut sequence, size));
                 if codes(law, &given, &a)[kink] == codes(law, &given, &b)[kink] || tested >= 12 {
