@@ -24,13 +24,17 @@ const SHIFT_TOLERANCE: f64 = 1e-6;
 
 pub(crate) fn verify(args: &VerifyArgs) -> ExitCode {
     match args.gradient.request() {
-        Ok(None) => {}
-        Ok(Some(request)) => return gradient::compare(args, &request),
+        Ok(None) => laws(args),
+        Ok(Some(request)) => gradient::compare(args, &request),
         Err(why) => {
             say(&format!("error: {why}\n"));
-            return ExitCode::from(EXIT_ERROR);
+            ExitCode::from(EXIT_ERROR)
         }
     }
+}
+
+/// Compares the tangents of all laws with differences.
+fn laws(args: &VerifyArgs) -> ExitCode {
     let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "verify") else {
         return ExitCode::from(EXIT_ERROR);
     };

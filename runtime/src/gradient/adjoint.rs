@@ -49,6 +49,16 @@ struct Sums {
     data: Vec<Vec<f64>>,
 }
 
+/// What is known of all results on the way back.
+struct Found {
+    /// By result what it changes with at the end of a step, and at its start.
+    end: Vec<Cotangent>,
+    start: Vec<Cotangent>,
+    sums: Vec<Sums>,
+    /// Points between two branches.
+    near: Vec<NearKink>,
+}
+
 /// The run, backwards.
 struct Backwards<'a, 's> {
     of: Differentiated<'a>,
@@ -178,63 +188,80 @@ impl Backwards<'_, '_> {
     ) -> Result<(Vec<Sums>, Vec<NearKink>), Box<Diagnostic>> {
         let zeros: Vec<Vec<f64>> = self.solving.system.known.data.iter().map(|v| vec![0.0; v.len()]).collect();
         let zero = Cotangent { u: vec![0.0; self.solving.system.numbering.n_dofs], known: zeros.clone() };
-        let mut carried = vec![zero.clone(); results.len()];
         let of_one = || Sums { live: vec![0.0; self.extended.n_live()], data: zeros.clone() };
-        let mut sums: Vec<Sums> = results.iter().map(|_| of_one()).collect();
-        let mut near = Vec::new();
+        let nothing = vec![zero; results.len()];
+        let mut found = Found {
+            end: nothing.clone(),
+            start: Vec::new(),
+            sums: results.iter().map(|_| of_one()).collect(),
+            near: Vec::new(),
+        };
         // the states behind the step that is looked at
         let mut after: Vec<Vec<f64>> = self.solving.system.known.data.clone();
         for n in (0..self.trajectory.steps.len()).rev() {
             let step = &self.trajectory.steps[n];
             let is_read = ends.get(&n).is_some_and(|end| results.iter().any(|w| w.steps[*end] != 0.0));
-            if !is_read && carried.iter().all(Cotangent::is_zero) {
+            if !is_read && found.end.iter().all(Cotangent::is_zero) {
                 after.clone_from(&step.states);
                 continue;
             }
             self.stand_at(n)?;
-            let mut before = vec![zero.clone(); results.len()];
+            found.start.clone_from(&nothing);
             if let Some(end) = ends.get(&n) {
-                let read = || results.iter().enumerate().filter(|(_, w)| w.steps[*end] != 0.0);
-                self.put_states(&after);
-                for (number, weighed) in read() {
-                    let Summed::Points(fields) = &weighed.summed else { continue };
-                    let found = self.of_measure((number, weighed), (fields, weighed.steps[*end]), step)?;
-                    join(&mut near, found);
-                    let at = (step.time, step.increment);
-                    join(&mut near, kinks.near(&self.solving, &step.u, at, Some(weighed.measure)));
-                    self.spread(1.0, true, &mut carried[number], &mut before[number], &mut sums[number].live);
-                }
-                self.put_states(&step.states);
-                // where time starts no equation was solved, and a reaction is zero
-                for (number, weighed) in read().filter(|_| step.kind != Passed::Given) {
-                    let Summed::Rows(rows) = &weighed.summed else { continue };
-                    self.of_rows((rows, weighed.steps[*end]), step)?;
-                    self.spread(-1.0, false, &mut carried[number], &mut before[number], &mut sums[number].live);
-                }
+                let read = results.iter().enumerate().map(|(k, w)| (k, w, w.steps[*end])).filter(|r| r.2 != 0.0);
+                self.of_results(&read.collect::<Vec<_>>(), (step, &after), kinks, &mut found)?;
             }
             if step.kind == Passed::Given {
-                for (end, start) in carried.iter().zip(&mut before) {
+                for (end, start) in found.end.iter().zip(&mut found.start) {
                     add(&mut start.u, &end.u);
                     self.each_state(|k| add(&mut start.known[k], &end.known[k]));
                 }
             } else {
-                join(&mut near, kinks.near(&self.solving, &step.u, (step.time, step.increment), None));
+                join(&mut found.near, kinks.near(&self.solving, &step.u, (step.time, step.increment), None));
                 self.transposed.is_new = true;
-                for ((end, start), sum) in carried.iter_mut().zip(&mut before).zip(&mut sums) {
+                for ((end, start), sum) in found.end.iter_mut().zip(&mut found.start).zip(&mut found.sums) {
                     self.of_states(step, end, start, sum)?;
                     self.of_equations(step, end, start, sum)?;
                 }
             }
-            for (end, sum) in carried.iter().zip(&mut sums) {
+            for (end, sum) in found.end.iter().zip(&mut found.sums) {
                 self.of_data((step.time, step.increment), end, sum)?;
             }
-            carried = before;
+            std::mem::swap(&mut found.end, &mut found.start);
             after.clone_from(&step.states);
         }
-        for (start, sum) in carried.iter().zip(&mut sums) {
+        for (start, sum) in found.end.iter().zip(&mut found.sums) {
             self.of_start(start, sum)?;
         }
-        Ok((sums, near))
+        Ok((found.sums, found.near))
+    }
+
+    /// Results that a step counts in, each with its position and weight; `after` are the states behind the step.
+    fn of_results(
+        &mut self,
+        read: &[(usize, &Weighed, f64)],
+        at: (&PassedStep, &[Vec<f64>]),
+        kinks: &Kinks,
+        found: &mut Found,
+    ) -> Result<(), Box<Diagnostic>> {
+        let (step, after) = at;
+        self.put_states(after);
+        for (k, weighed, weight) in read {
+            let Summed::Points(fields) = &weighed.summed else { continue };
+            let shared = self.of_measure((*k, weighed), (fields, *weight), step)?;
+            join(&mut found.near, shared);
+            let at = (step.time, step.increment);
+            join(&mut found.near, kinks.near(&self.solving, &step.u, at, Some(weighed.measure)));
+            self.spread(1.0, true, &mut found.end[*k], &mut found.start[*k], &mut found.sums[*k].live);
+        }
+        self.put_states(&step.states);
+        // where time starts no equation was solved, and a reaction is zero
+        for (k, weighed, weight) in read.iter().filter(|_| step.kind != Passed::Given) {
+            let Summed::Rows(rows) = &weighed.summed else { continue };
+            self.of_rows((rows, *weight), step)?;
+            self.spread(-1.0, false, &mut found.end[*k], &mut found.start[*k], &mut found.sums[*k].live);
+        }
+        Ok(())
     }
 
     /// Brings the equations to a step: data, states and the past as its equations read them.

@@ -300,13 +300,6 @@ fn the_package_for_python_has_the_crates_of_the_program() {
         let known: Vec<&String> = program.iter().filter(|p| p.0 == *name).map(|p| &p.1).collect();
         assert!(known.is_empty() || known.contains(&version), "{name} {version} for Python, {known:?} for the program");
     }
-    let manifest = read("runtime/python/Cargo.toml");
-    let profile = |text: &str| {
-        text[text.find("[profile.release]").expect("a profile")..]
-            .lines()
-            .take(6)
-            .map(str::to_owned)
-            .collect::<Vec<_>>()
-    };
-    assert_eq!(profile(&manifest)[..2], profile(&read("Cargo.toml"))[..2], "the profile of releases");
+    // the default profile of releases has no debug information, which is what the workspace says
+    assert!(!read("runtime/python/Cargo.toml").contains("[profile"), "a profile of its own");
 }

@@ -1,0 +1,78 @@
+//! Points that belong to no rule: the one of what is global, and those at nodes, each of weight 1.
+
+use std::collections::BTreeMap;
+
+use wfl_mesh::mesh::{CellId, CellKind, Mesh};
+
+use super::{Domain, Group, GroupSide, Over};
+use crate::space::{Space, Support};
+
+impl Domain {
+    /// One point of weight 1 that belongs to no entity, for terms on `global`.
+    #[must_use]
+    pub fn global(mesh: &Mesh) -> Self {
+        let cell = CellId::new(0);
+        if mesh.n_cells() == 0 {
+            // a part of a mesh without cells: the first rank has the equation
+            return Self { over: Over::Points, dim: mesh.dim(), n_entities: 0, groups: Vec::new(), moving: None };
+        }
+        let kind = mesh.kind(cell);
+        let mut here = GroupSide::new(mesh, kind, vec![kind.reference_centre()]);
+        here.cells.push(cell);
+        let group = Group { entities: vec![0], ..one_point(here) };
+        Self { over: Over::Points, dim: mesh.dim(), n_entities: 1, groups: vec![group], moving: None }
+    }
+}
+
+impl Domain {
+    /// A point of weight 1 at each of these nodes of a space, in the first cell or on the first facet that holds it.
+    #[must_use]
+    pub fn at_nodes(mesh: &Mesh, space: &Space, nodes: &[u32]) -> Self {
+        let mut wanted: BTreeMap<u32, usize> = nodes.iter().enumerate().map(|(k, node)| (*node, k)).collect();
+        let mut groups: BTreeMap<(CellKind, Option<u8>, usize), Group> = BTreeMap::new();
+        for position in 0..space.n_positions() {
+            let (cell, facet) = match space.support() {
+                Support::Cells(cells) => (cells[position], None),
+                Support::Facets(facets) => (facets[position].cell, Some(facets[position])),
+            };
+            let kind = mesh.kind(cell);
+            for (local, node) in space.entity_nodes(position).iter().enumerate() {
+                let Some(entity) = wanted.remove(node) else { continue };
+                let group = groups.entry((kind, facet.map(|f| f.local), local)).or_insert_with(|| {
+                    let point = space.element_at(position).points()[local];
+                    let in_cell = facet.map_or(point, |f| {
+                        kind.facet_point(usize::from(f.local), kind.facet_map(usize::from(f.local)).apply(point))
+                    });
+                    Group { parameters: vec![point], ..one_point(GroupSide::new(mesh, kind, vec![in_cell])) }
+                });
+                group.entities.push(entity);
+                group.here.cells.push(cell);
+                group.here.facets.extend(facet);
+            }
+            if wanted.is_empty() {
+                break;
+            }
+        }
+        let groups = groups.into_values().collect();
+        Self { over: Over::Points, dim: mesh.dim(), groups, n_entities: nodes.len(), moving: None }
+    }
+}
+
+/// A group without entities whose only point has weight 1, independent of the cell.
+fn one_point(here: GroupSide) -> Group {
+    Group {
+        key: [0; 5],
+        is_own: false,
+        entities: Vec::new(),
+        weights: vec![1.0],
+        parameters: vec![[0.0; 3]],
+        tangents: None,
+        areas: None,
+        reference_normal: [0.0; 3],
+        is_global: true,
+        here,
+        there: None,
+        there_normal: None,
+        motion: None,
+    }
+}
