@@ -16,6 +16,7 @@
 //! variation: the derivative of `C` is refused.
 
 use crate::{
+    compare::Compare,
     derive::NoDerivative,
     graph::{ExprId, Graph, Leaf, Role},
     ops::carried_normal,
@@ -110,6 +111,10 @@ fn shift(g: &mut Graph, moves: Moves, role: Role) -> ExprId {
     // along the ray onto the tangent plane of the image
     let (steep, across) = (g.inner(n, n_y), g.inner(n_y, w));
     let part = g.divide(across, steep);
+    // a point without an image has a stand-in, which may lie across its ray; nothing shifts there
+    let (zero, nothing) = (g.number(0.0), g.zero(g.shape(part)));
+    let is_met = g.compare(Compare::NotEqual, steep, zero);
+    let part = g.select(is_met, part, nothing);
     let part = g.scale(part, n);
     #[cfg(test)]
     let [part, grad2] = [("n n_y'/(n.n_y)", part), ("F2 - I", grad2)].map(|(name, part)| mutants::part(g, name, part));

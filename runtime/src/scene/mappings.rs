@@ -169,10 +169,11 @@ impl MappingMaker<'_> {
             );
         }
         let sources: BTreeSet<FacetRef> = facets.iter().copied().collect();
-        if targets.iter().any(|facet| sources.contains(facet)) {
-            let cure =
-                "name the faces of the one body and those of the other in two regions; write a mapping for each way";
-            return self.not_available(onto, "a surface that is mapped onto itself", cure);
+        if within.is_none() && targets.iter().any(|facet| sources.contains(facet)) {
+            let d = Diagnostic::new("E419", "a surface that is mapped onto itself needs `within`");
+            let d = d.help("a distance longer than gaps and overlaps of contact: `moving with u within 0.1`");
+            self.diagnostics.push(d.at(onto.span, "far faces of the same body would be images, too"));
+            return None;
         }
         let here = self.displacement(here, &facets, from)?;
         let there = self.displacement(there, &targets, onto)?;

@@ -64,6 +64,7 @@ pub const LIBRARY: &[(&str, &str)] = &[
     ("contact.wfl", include_str!("../../std/contact.wfl")),
     ("elasticity.wfl", include_str!("../../std/elasticity.wfl")),
     ("poro.wfl", include_str!("../../std/poro.wfl")),
+    ("sliding.wfl", include_str!("../../std/sliding.wfl")),
 ];
 
 /// The ending of the texts of scenes.

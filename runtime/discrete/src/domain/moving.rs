@@ -54,6 +54,8 @@ pub(super) struct Point {
     x: Vector3<f64>,
     normal: Vector3<f64>,
     inverse: Matrix3<f64>,
+    /// Half the thickness of the body behind it: a ray that goes further back would find the other side of the body.
+    back: f64,
 }
 
 /// Images by point, and the displacements that they belong to.
@@ -105,6 +107,7 @@ impl MovingPoints {
             }
         }
         let targets = Targets::new(mesh, onto, there.space.clone(), reach)?;
+        limit_by_thickness(mesh, &targets, &mut points);
         let (low, high) = mesh.bounds();
         let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         let ahead = if reach.is_finite() { reach } else { extent };
@@ -177,6 +180,19 @@ impl MovingPoints {
     }
 }
 
+/// Keeps the rays of points from going through the body behind them, where that has faces among the targets.
+fn limit_by_thickness(mesh: &Mesh, targets: &Targets, points: &mut [Point]) {
+    let bodies = mesh.bodies();
+    let body = |cell: CellId| bodies[mesh.cell_nodes(cell)[0].index()];
+    let bounds = targets.bounds(mesh, &[]);
+    points.par_iter_mut().for_each(|point| {
+        if let Some(ray) = point.ray(mesh.dim(), &[]) {
+            let is_own = |facet: FacetRef| body(facet.cell) == body(ray.cell);
+            point.back = 0.5 * targets.thickness(mesh, &bounds, &ray, is_own);
+        }
+    });
+}
+
 /// The displacement at the first point of a table.
 pub(super) fn displacement(dim: usize, table: &Table, nodes: &[u32], u: &[f64]) -> Vector3<f64> {
     let mut sum = Vector3::zeros();
@@ -213,6 +229,7 @@ fn point(mesh: &Mesh, group: &Group, [k, q]: [usize; 2], space: &Space) -> Optio
         x: mesh.point_at(cell, &single.here.geometry, 0).into(),
         normal: single.unit_normal(mesh, 0, 0).into(),
         inverse: Matrix3::from_fn(padded).try_inverse()?,
+        back: f64::INFINITY,
         group: single,
     })
 }
@@ -238,6 +255,6 @@ impl Point {
         let n = f.try_inverse()?.transpose() * self.normal;
         let x = self.x + displacement(dim, &self.table, &self.nodes, u);
         let cell: CellId = self.group.here.cells[0];
-        Some(Ray { x, n: n.try_normalize(0.0)?, cell })
+        Some(Ray { x, n: n.try_normalize(0.0)?, cell, back: self.back })
     }
 }

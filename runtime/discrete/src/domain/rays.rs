@@ -30,6 +30,8 @@ const SETTLED: f64 = 1e-14;
 const FOUND: f64 = 1e-9;
 /// Parameters further away than this belong to another face.
 const FAR: f64 = 10.0;
+/// A face that is nearer to a point than this part of its size touches it.
+const TOUCHING: f64 = 1e-6;
 /// Two hits are equally near within this part of their distance from the origin and each other.
 const ALIKE: f64 = 1e-12;
 
@@ -39,6 +41,8 @@ pub(super) struct Ray {
     pub(super) x: Vector3<f64>,
     pub(super) n: Vector3<f64>,
     pub(super) cell: CellId,
+    /// How far it goes against its direction, into the body of its point.
+    pub(super) back: f64,
 }
 
 /// Where a ray meets a face.
@@ -173,12 +177,37 @@ impl Targets {
             }
             let Some((p, g)) = self.crossing(mesh, target, u, ray) else { continue };
             let scale = ALIKE * (ray.x.amax() + g.abs());
-            if g.abs() <= self.reach && best.is_none_or(|b| g.abs() < b.0 - scale) {
+            let is_within = g <= self.reach && -g <= self.reach.min(ray.back);
+            if is_within && best.is_none_or(|b| g.abs() < b.0 - scale) {
                 best = Some((g.abs(), k, p));
             }
         }
         let (_, k, p) = best?;
         self.hit_at(mesh, &self.list[k], u, p)
+    }
+
+    /// How thick the body is behind the point of a ray, in the reference placement: the distance to the first of its `own`
+    /// faces that the ray meets backwards, infinite where it meets none. Faces that touch the point are none of these.
+    pub(super) fn thickness(
+        &self,
+        mesh: &Mesh,
+        bounds: &[Bounds],
+        ray: &Ray,
+        is_own: impl Fn(FacetRef) -> bool,
+    ) -> f64 {
+        let mut least = f64::INFINITY;
+        for (target, bounds) in self.list.iter().zip(bounds) {
+            if target.facet.cell == ray.cell || !is_own(target.facet) || !meets(ray, bounds, least) {
+                continue;
+            }
+            let touching = TOUCHING * (bounds[1] - bounds[0]).norm();
+            if let Some((_, g)) = self.crossing(mesh, target, &[], ray)
+                && -g > touching
+            {
+                least = least.min(-g);
+            }
+        }
+        least
     }
 
     fn tables(&self, mesh: &Mesh, target: &Target, p: [f64; 3]) -> Tables {

@@ -278,7 +278,14 @@ fn duplicates(mesh: &Mesh, members: &[u32], shortest: &[f64]) -> Vec<(NodeId, No
     pairs.into_iter().map(|(a, b)| (id(a), id(b))).collect()
 }
 
-/// For each node a number that is the same for all nodes connected through cells.
+impl Mesh {
+    /// For each node a number that is the same for all nodes connected through cells.
+    #[must_use]
+    pub fn bodies(&self) -> Vec<u32> {
+        bodies(self)
+    }
+}
+
 fn bodies(mesh: &Mesh) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..mesh.n_nodes() as u32).collect();
     fn root(parent: &mut [u32], mut node: u32) -> u32 {
