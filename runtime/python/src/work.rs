@@ -223,7 +223,8 @@ impl Work {
             let started = Instant::now();
             self.refuse_accuracy()?;
             self.check();
-            let asked = RunAsked { out: None, threads: None, keep_states: false, keep_outputs: true, keep_trajectory: false };
+            let asked =
+                RunAsked { out: None, threads: None, keep_states: false, keep_outputs: true, keep_trajectory: false };
             let options = self.options(&asked, started, started.elapsed().as_secs_f64());
             match Session::new(&self.scene, options) {
                 Ok(session) => self.session = Some(session),
@@ -250,7 +251,8 @@ impl Work {
     /// Ends the run between two steps.
     pub(crate) fn end_session(&mut self) -> Option<Finished> {
         let session = self.session.take()?;
-        let asked = RunAsked { out: None, threads: None, keep_states: false, keep_outputs: false, keep_trajectory: false };
+        let asked =
+            RunAsked { out: None, threads: None, keep_states: false, keep_outputs: false, keep_trajectory: false };
         let options = self.options(&asked, Instant::now(), 0.0);
         Some(self.finished(session.outcome(&self.scene), options))
     }
