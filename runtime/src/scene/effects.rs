@@ -12,7 +12,7 @@ use wfl::{
     ast::{Ident, Place},
     split_prefixes,
 };
-use wfl_compiler::types::FieldOp;
+use wfl_compiler::types::{BasisSlot, FieldOp, Side};
 
 use super::{
     Builder,
@@ -38,6 +38,7 @@ impl Builder<'_> {
     /// nothing, terms that are zero.
     pub(super) fn effects(&mut self, laws: &[PlacedLaw], prescribed: &Prescribed, numbering: &Numbering) {
         self.loads_on_fixed(laws, prescribed, numbering);
+        self.terms_on_fixed(laws, prescribed, numbering);
         self.idle_rules(laws);
         self.idle_splits();
         self.zero_terms(laws);
@@ -120,6 +121,31 @@ impl Builder<'_> {
             let d = d.at(load.span, "the support takes this force; no unknown changes");
             let by = prescribed.held_by(dof);
             self.diagnostics.push(by.into_iter().fold(d, |d, fix| d.at(fix, "fixed here")));
+        }
+    }
+
+    /// W412 for terms on faces that are tested with nothing but what is prescribed there.
+    fn terms_on_fixed(&mut self, laws: &[PlacedLaw], prescribed: &Prescribed, numbering: &Numbering) {
+        if prescribed.is_empty() {
+            return;
+        }
+        let fixed = prescribed.components();
+        for law in laws.iter().filter(|law| law.load.is_none() && !law.law.tests.is_empty()) {
+            let Some(set @ RegionSet::Facets(_)) = &law.set else { continue };
+            let is_held = |slot: &BasisSlot| {
+                let (number, field) = (slot.field.index(), &self.fields[slot.field.index()]);
+                let (Some(start), Side::Here, FieldOp::Value) = (numbering.starts[number], slot.side, slot.op) else {
+                    return false;
+                };
+                let nodes = self.loaded_nodes(field, set);
+                let dof = |node: &u32| start + *node as usize * field.n_components + usize::from(slot.entry);
+                !nodes.is_empty() && nodes.iter().all(|node| fixed.contains(&dof(node)))
+            };
+            if law.law.tests.iter().all(is_held) {
+                let text = format!("all that this term is tested with is fixed on the whole of `{}`", law.place);
+                let d = Diagnostic::new("W412", text);
+                self.diagnostics.push(d.at(law.span, "the support takes this force; no unknown changes"));
+            }
         }
     }
 

@@ -54,7 +54,8 @@ pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, S
                 scene.system.known.data[state.field] = values;
             }
         }
-        audit.measures = audit.measures.max(measures(scene, step));
+        let is_given = number == 0 && scene.steps.from_start;
+        audit.measures = audit.measures.max(measures(scene, step, is_given));
         before.clone_from(&step.state);
     }
     Ok(Some(audit))
@@ -152,11 +153,13 @@ fn prescribed(scene: &mut Scene, step: &StepResult) -> Result<f64, String> {
     Ok(worst)
 }
 
-fn measures(scene: &mut Scene, step: &StepResult) -> f64 {
+fn measures(scene: &mut Scene, step: &StepResult, is_given: bool) -> f64 {
     let Scene { measures, system, .. } = scene;
     let mut worst = if measures.len() == step.measures.len() { 0.0f64 } else { f64::INFINITY };
     for (measure, (_, told)) in measures.iter_mut().zip(&step.measures) {
-        let found = measure.evaluate(&Measured::new(system, step.time, step.increment, &step.state));
+        let at = Measured::new(system, step.time, step.increment, &step.state);
+        // where time starts no equation was solved
+        let found = measure.evaluate(&if is_given { at.where_time_starts() } else { at });
         if found.to_bits() != told.to_bits() {
             worst = worst.max((found - told).abs() / found.abs().max(told.abs()));
         }

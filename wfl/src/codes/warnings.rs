@@ -60,8 +60,8 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "W412",
         "a load on prescribed displacements",
-        "The load acts on displacements that are prescribed on its whole region: the support takes it, and no unknown \
-         changes. A load on a partly free region gives no warning.",
+        "The load, or the term on faces, acts on displacements that are prescribed on its whole region: the support takes \
+         it, and no unknown changes. A load on a partly free region gives no warning.",
         "load u(1) = 1 on west",
         "region east = faces where x == 1\nload u(1) = 1 on east",
     ),
