@@ -186,6 +186,29 @@ pub struct Attempt {
     pub messages: String,
 }
 
+/// A scene from its text alone, every step of which converges.
+///
+/// # Panics
+/// If it is refused, or a step does not converge.
+#[must_use]
+pub fn solved(text: impl Into<String>) -> Solved {
+    let found = solve(Path::new("."), text.into(), &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(found.outcome.converged());
+    found
+}
+
+/// The messages of a scene that is refused, from its text alone.
+///
+/// # Panics
+/// If it is solved.
+#[must_use]
+pub fn refused(text: &str) -> String {
+    match solve(Path::new("."), text.to_owned(), &[], &[]) {
+        Ok(_) => panic!("solved:\n{text}"),
+        Err(told) => told,
+    }
+}
+
 /// What a run gives cause to doubt: codes, and all that is said in a line.
 #[must_use]
 pub fn doubts(outcome: &Outcome) -> Vec<(&'static str, String)> {

@@ -4,23 +4,9 @@ use std::path::Path;
 
 use wfl_runtime::Outcome;
 use wfl_tests::{
-    Solved,
     ranks::{self, Holding, Shared},
-    solve,
+    refused, solved,
 };
-
-fn solved(text: &str) -> Solved {
-    let found = solve(Path::new("."), text.to_owned(), &[], &[]).unwrap_or_else(|e| panic!("{e}"));
-    assert!(found.outcome.converged());
-    found
-}
-
-fn refused(text: &str) -> String {
-    match solve(Path::new("."), text.to_owned(), &[], &[]) {
-        Ok(_) => panic!("solved:\n{text}"),
-        Err(told) => told,
-    }
-}
 
 /// A column that rests on a stiff floor and is lifted by the fluid below it: the aperture has its kink where it lifts off,
 /// in the middle of a step.
@@ -35,7 +21,7 @@ const LIFTED: &str = "use \"poro\"\nmesh box [0,0] to [1,1] cells [2,4] quad\nre
 
 #[test]
 fn the_volume_of_an_aperture_with_a_kink_is_conserved() {
-    let found = solved(&LIFTED.replace("RATE", "Rate(w)"));
+    let found = solved(LIFTED.replace("RATE", "Rate(w)"));
     for step in 1..found.outcome.steps.len() {
         let [volume, past, of_volume] = ["volume", "past", "water_volume"].map(|m| found.measure(step, m));
         assert!((volume - past - of_volume).abs() < 1e-13, "{step}: {volume} {past} {of_volume}");
@@ -46,7 +32,7 @@ fn the_volume_of_an_aperture_with_a_kink_is_conserved() {
         assert!((comes - goes - of_volume - leaks - lost).abs() < 1e-15 && lost.abs() < 1e-10, "{step}: {lost}");
     }
     // the rate by the chain rule is another volume in the step that lifts the column
-    let found = solved(&LIFTED.replace("RATE", "(if u(2) > 0 then Dot_u(2) else 0)"));
+    let found = solved(LIFTED.replace("RATE", "(if u(2) > 0 then Dot_u(2) else 0)"));
     let missed = (1..found.outcome.steps.len()).map(|step| {
         let [volume, past, of_volume] = ["volume", "past", "water_volume"].map(|m| found.measure(step, m));
         (volume - past - of_volume).abs()
@@ -116,7 +102,7 @@ fn faces_end_at_their_rim_and_meet_at_their_crossings() {
         region both = first + second";
     let of_cross = |lines: &str| scene("box [-1,-1] to [1,1] cells [4,4] quad", cross, "both", lines);
     // a harmonic pressure on a cross: given at its four ends, the mean of them where it crosses
-    let found = solved(&of_cross(
+    let found = solved(of_cross(
         "region ends = rim of both\nregion joint = crossings of both\nterm flow on both : Grad_p.Grad_Test_p\n\
          fix p = 1 + x + 2*y on ends\nmeasure joint = value(p) at [0,0]\nmeasure out = reaction(p) on ends\n\
          measure east = reaction(p) on rim_east\nregion rim_east = rim of both where x > 0.9",
@@ -125,14 +111,14 @@ fn faces_end_at_their_rim_and_meet_at_their_crossings() {
     let joint = (2.0 + 0.0 - 1.0 + 2.0 * 2.0) / 5.0;
     assert!((found.measure(0, "joint") - joint).abs() < 1e-12, "{}", found.measure(0, "joint"));
     assert!(found.measure(0, "out").abs() < 1e-12 && (found.measure(0, "east") - (joint - 2.0)).abs() < 1e-12);
-    let found = solved(&of_cross(
+    let found = solved(of_cross(
         "region joint = crossings of both\nterm flow on both : Grad_p.Grad_Test_p + p*Test_p\nfix p = 3 on joint\n\
          measure joint = value(p) at [0,0]\nregion inner = nodes of first where abs(x) < 0.6\nload p = 1 on inner",
     ));
     assert!((found.measure(0, "joint") - 3.0).abs() < 1e-14);
     // a square sheet in space: its rim is all of its boundary
     let sheet = "region below = cells where z < 0\nregion sheet = faces of below where z == 0";
-    let found = solved(&scene(
+    let found = solved(scene(
         "box [0,0,-1] to [1,1,1] cells [4,4,2] hex",
         sheet,
         "sheet",

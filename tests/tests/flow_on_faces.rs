@@ -3,25 +3,10 @@
 //! References: tests/reference/fracture_flow.json (scikit-fem, and closed forms) and the eigenfunctions of the
 //! Laplace-Beltrami operator on circle, cylinder and sphere.
 
-use std::path::Path;
-
-use wfl_tests::{MeshFolder, Solved, examples, reference, solve};
+use wfl_tests::{MeshFolder, Solved, examples, reference, refused, solve, solved};
 
 /// What is polynomial comes out to this.
 const EXACT: f64 = 1e-12;
-
-fn solved(text: String) -> Solved {
-    let found = solve(Path::new("."), text, &[], &[]).unwrap_or_else(|e| panic!("{e}"));
-    assert!(found.outcome.converged());
-    found
-}
-
-fn refused(text: &str) -> String {
-    match solve(Path::new("."), text.to_owned(), &[], &[]) {
-        Ok(_) => panic!("solved:\n{text}"),
-        Err(told) => told,
-    }
-}
 
 /// Cells of each kind, the box, elements of the first and second degree, and a plane x = 0 that no axis of the map keeps.
 const SHAPES: [(&str, &str, &str); 8] = [
@@ -72,7 +57,7 @@ fn a_linear_field_has_the_gradient_of_its_plane() {
                 faces.replace("s(x,y)", split(dim)),
                 zeros = if dim == "2" { "0" } else { "0,0" },
             );
-            let found = solved(text);
+            let found = solved(&text);
             for name in ["value", "gradient", "of_data", "across", "product", "mixed"] {
                 let error = found.measure(0, name);
                 assert!(error < EXACT, "{mesh} {element}, {faces}: {name} {error:e}");
@@ -115,7 +100,7 @@ fn a_fracture_with_a_pressure_of_its_own_feeds_the_rock_on_both_sides() {
              measure leak_above = integral({above}*(pf - other(p))) on fracture\n\
              measure outflow = reaction(p) on boundary\n"
         );
-        let found = solved(text);
+        let found = solved(&text);
         for name in ["pf0", "pf_half", "pf_tip", "leak_below", "leak_above"] {
             let (is, should) = (found.measure(0, name), given(case, name));
             assert!((is / should - 1.0).abs() < 1e-2, "{case}: {name} {is}, {should}");
@@ -215,7 +200,7 @@ fn eigenfunctions_of_a_circle_and_a_cylinder_converge_with_order_two() {
                  measure error = integral(sqr(p - exact)) on circle\n",
                 mesh(n)
             );
-            solved(text).measure(0, "error").sqrt()
+            solved(&text).measure(0, "error").sqrt()
         });
         assert!(order(errors) > 1.9, "{errors:?}");
     }

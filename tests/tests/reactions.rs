@@ -1,24 +1,9 @@
 //! `reaction(u(1)) on r`: what prescribed values carry is what loads bring, in every kind of step.
 
-use std::path::Path;
-
-use wfl_tests::{Solved, solve};
+use wfl_tests::{Solved, refused, solved};
 
 /// Forces balance to this part of the load.
 const EXACT: f64 = 1e-12;
-
-fn solved(text: &str) -> Solved {
-    let found = solve(Path::new("."), text.to_owned(), &[], &[]).unwrap_or_else(|e| panic!("{e}"));
-    assert!(found.outcome.converged());
-    found
-}
-
-fn refused(text: &str) -> String {
-    match solve(Path::new("."), text.to_owned(), &[], &[]) {
-        Ok(_) => panic!("solved:\n{text}"),
-        Err(told) => told,
-    }
-}
 
 fn are(found: &Solved, step: usize, list: &[(&str, f64)], scale: f64) {
     for (name, should) in list {
@@ -33,7 +18,7 @@ const BLOCK: &str = "mesh box [0,0] to [2,1] cells [8,4] quad\nregion west = fac
 
 #[test]
 fn a_support_carries_the_load_and_its_moment() {
-    let found = solved(&format!(
+    let found = solved(format!(
         "{BLOCK}load u = [3,-2] on east\nparam d = [0.6,0.8]\n\
          measure pull = reaction(u(1)) on west\nmeasure down = reaction(u.[0,1]) on west\n\
          measure slanted = reaction(u.d) on west\nmeasure less = reaction(-2*u(1)) on west\n\
@@ -48,7 +33,7 @@ fn a_support_carries_the_load_and_its_moment() {
 #[test]
 fn inclined_supports_carry_what_acts_along_their_normals() {
     let map = "[0.8*x - 0.6*y, 0.6*x + 0.8*y]";
-    let found = solved(&format!(
+    let found = solved(format!(
         "mesh box [0,0] to [2,1] cells [8,4] quad map {map}\nregion floor = faces where 0.8*y - 0.6*x == 0\n\
          region wall = faces where 0.8*x + 0.6*y == 0\nregion ceiling = faces where 0.8*y - 0.6*x == 1\n\
          unknown u : vector Q2\nterm elastic on all : 70*Trace(Grad_u)*Div_Test_u + 120*Sym(Grad_u):Grad_Test_u\n\

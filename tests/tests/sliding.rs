@@ -202,6 +202,7 @@ fn what_is_not_available_is_refused() {
     let cases = [
         (m, "mapping m = project from sole onto floor moving with a, b within 0.3", "E802"),
         (m, "mapping m = raytrace from floor onto floor moving with b", "E419"),
+        (m, "mapping m = raytrace from sole onto floor moving with a, b within 0", "E419"),
         (m, "mapping m = raytrace from sole onto floor moving with b within 0.3", "E202"),
         (term, "energy contact on sole : sqr(gap)", "E111"),
         (term, "term contact on sole : gap*Diff(gap, a)", "E111"),

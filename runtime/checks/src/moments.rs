@@ -10,11 +10,14 @@
 //! (W514), and nothing is judged here; nor for micropolar bodies.
 
 use wfl_compiler::Class;
-use wfl_discrete::assemble::{AssembledTerm, Gradient, StressAt};
+use wfl_discrete::{
+    assemble::{AssembledTerm, Gradient, StressAt},
+    gradients::{norm, product, sum, transposed},
+};
 
 use crate::{
     Solved,
-    objectivity::{KnownLaw, Strains, known_law, norm, product, sum, transposed},
+    objectivity::{KnownLaw, Strains, known_law},
     worst::Finding,
 };
 

@@ -22,6 +22,7 @@ use wfl_compiler::{
 use wfl_discrete::{
     assemble::{AskedGradients, AssembledTerm, FieldValues, Gradient},
     field::FieldSpace,
+    gradients::{identity, norm, product, rotation, sum, transposed},
     space::Support,
     system::{FIXED, System},
 };
@@ -535,10 +536,6 @@ fn is_split(stiffness: &DMatrix<f64>, dim: usize) -> bool {
     (0..n).all(|p| (0..n).all(|q| same(p, q)))
 }
 
-fn identity(dim: usize) -> Gradient {
-    std::array::from_fn(|i| std::array::from_fn(|j| if i == j && i < dim { 1.0 } else { 0.0 }))
-}
-
 /// A gradient of no symmetry that changes the volume.
 fn deformation(dim: usize, scale: f64) -> Gradient {
     let h = [[0.19, 0.15, -0.05], [-0.09, 0.11, 0.08], [0.07, -0.04, 0.13]];
@@ -549,33 +546,4 @@ fn deformation(dim: usize, scale: f64) -> Gradient {
 fn spin(dim: usize, scale: f64) -> Gradient {
     let w = [[0.0, 0.3, -0.2], [-0.3, 0.0, 0.25], [0.2, -0.25, 0.0]];
     std::array::from_fn(|i| std::array::from_fn(|j| if i < dim && j < dim { scale * w[i][j] } else { 0.0 }))
-}
-
-/// A rotation by about 50 degrees: about the axis (1, 2, 2)/3 in space, with the cosine 0.64 (Rodrigues' formula).
-pub(crate) fn rotation(dim: usize) -> Gradient {
-    let (c, s) = (0.64, (1.0f64 - 0.64 * 0.64).sqrt());
-    if dim == 2 {
-        return [[c, -s, 0.0], [s, c, 0.0], [0.0; 3]];
-    }
-    let a = [1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0];
-    let cross = [[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]];
-    let unit = identity(3);
-    std::array::from_fn(|i| std::array::from_fn(|j| c * unit[i][j] + s * cross[i][j] + (1.0 - c) * a[i] * a[j]))
-}
-
-pub(crate) fn product(a: &Gradient, b: &Gradient) -> Gradient {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
-}
-
-pub(crate) fn transposed(a: &Gradient) -> Gradient {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
-}
-
-/// a + factor b
-pub(crate) fn sum(a: &Gradient, b: &Gradient, factor: f64) -> Gradient {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[i][j] + factor * b[i][j]))
-}
-
-pub(crate) fn norm(a: &Gradient) -> f64 {
-    a.iter().flatten().map(|x| x * x).sum::<f64>().sqrt()
 }

@@ -15,6 +15,7 @@ pub mod domain;
 pub mod field;
 pub mod finite;
 pub mod frames;
+pub mod gradients;
 pub mod lumped;
 pub mod point_space;
 pub mod point_values;

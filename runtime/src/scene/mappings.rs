@@ -158,6 +158,11 @@ impl MappingMaker<'_> {
     ) -> Option<Search> {
         let (facets, targets) = (self.facets(from)?, self.facets(onto)?);
         let reach = self.reach(within)?;
+        if let Some(e) = within.filter(|_| reach == 0.0) {
+            let d = Diagnostic::new("E419", "no image that moves is within a distance of 0");
+            self.diagnostics.push(d.at(e.span, "longer than gaps and overlaps of contact"));
+            return None;
+        }
         if !raytrace {
             return self.not_available(from, "`project` that moves", "write `raytrace`, along the normal of `from`");
         }

@@ -8,7 +8,10 @@ use wfl_compiler::{Class, types::FieldKind};
 use wfl_mesh::mesh::CellId;
 
 use super::System;
-use crate::assemble::{AssembledTerm, FieldValues, Gradient, VolumeLimit};
+use crate::{
+    assemble::{AssembledTerm, FieldValues, Gradient, VolumeLimit},
+    gradients::{identity, largest, product, rotation, sum},
+};
 
 /// What rounding may leave of P(R F) - R P(F), in parts of the largest stress: stresses of nearly incompressible bodies
 /// cancel to 1e-6 of their parts.
@@ -101,38 +104,8 @@ fn some_cells(system: &System, term: &AssembledTerm) -> Vec<CellId> {
     cells.filter(|(_, place)| place % stride == 0).map(|(cell, _)| cell).collect()
 }
 
-fn identity(dim: usize) -> Gradient {
-    std::array::from_fn(|i| std::array::from_fn(|j| if i == j && i < dim { 1.0 } else { 0.0 }))
-}
-
 /// A deformation of no symmetry; its determinant is near 1.
 fn deformation(dim: usize) -> Gradient {
     let f = [[1.06, 0.11, -0.05], [-0.07, 0.93, 0.08], [0.09, -0.04, 1.03]];
     std::array::from_fn(|i| std::array::from_fn(|j| if i < dim && j < dim { f[i][j] } else { 0.0 }))
-}
-
-/// A rotation by about 50 degrees: about the axis (1, 2, 2)/3 in space, with the cosine 0.64 (Rodrigues' formula).
-fn rotation(dim: usize) -> Gradient {
-    let (c, s) = (0.64, (1.0f64 - 0.64 * 0.64).sqrt());
-    if dim == 2 {
-        return [[c, -s, 0.0], [s, c, 0.0], [0.0; 3]];
-    }
-    let a = [1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0];
-    let cross = [[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]];
-    let unit = identity(3);
-    std::array::from_fn(|i| std::array::from_fn(|j| c * unit[i][j] + s * cross[i][j] + (1.0 - c) * a[i] * a[j]))
-}
-
-fn product(a: &Gradient, b: &Gradient) -> Gradient {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
-}
-
-/// a + factor b
-fn sum(a: &Gradient, b: &Gradient, factor: f64) -> Gradient {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[i][j] + factor * b[i][j]))
-}
-
-/// The largest size of an entry; not a number where one is none.
-fn largest(a: &Gradient) -> f64 {
-    a.iter().flatten().fold(0.0, |m: f64, x| if x.is_nan() || m.is_nan() { f64::NAN } else { m.max(x.abs()) })
 }
