@@ -37,6 +37,15 @@ impl Ran {
         self.text.contains(&format!("[{code}]"))
     }
 
+    /// The line of the scene that the first message with this code marks; empty where it marks none.
+    pub(crate) fn marked(&self, code: &str) -> &str {
+        let message = self.text.split_once(&format!("[{code}]")).map_or("", |(_, behind)| behind);
+        let own = message.split("\nwarning[").next().unwrap_or_default();
+        let is_source =
+            |line: &&str| line.trim_start().starts_with(|c: char| c.is_ascii_digit()) && line.contains(" | ");
+        own.lines().find(is_source).and_then(|line| line.split_once(" | ")).map_or("", |(_, source)| source)
+    }
+
     /// The codes of all warnings and errors, in the order in which they were printed.
     pub(crate) fn codes(&self) -> Vec<&str> {
         let starts = self.text.match_indices("warning[").chain(self.text.match_indices("error["));
