@@ -139,6 +139,16 @@ fn reactions_have_the_derivatives_of_the_traction_that_they_balance() {
     }
 }
 
+/// A factor of a reaction is none of its equations: its derivative is told to be missing, and not zero.
+#[test]
+fn a_parameter_in_the_weights_of_a_reaction_is_refused() {
+    let text = format!("{BLOCKS}{NITSCHE}param lever = 2\nmeasure turn = reaction(lever*uR(2)) on east\n");
+    let told = |with: &str| differentiated((Path::new("."), text.clone()), &[], &[], "turn", with);
+    let refused = told("lever").err().expect("it is refused");
+    assert!(refused.contains("E470") && refused.contains("`lever` multiplies"), "{refused}");
+    assert!(told("E").is_ok());
+}
+
 /// Friction that remembers where it was, up, down and up again: antiplane, a multiplier and a vertex rule.
 const PATH: &str = "wfl 1
 param f0 = 0.1

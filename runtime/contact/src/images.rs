@@ -30,6 +30,9 @@ impl Images {
 /// The points of all contact terms whose images move, at `u`.
 #[must_use]
 pub fn images(system: &System, contact: &Contact, u: &[f64]) -> Vec<Images> {
+    if !system.has_moving_images() {
+        return Vec::new();
+    }
     let values = system.values_with(u, contact.active_set());
     let of = |term: &ContactTerm| {
         let sampled = term.sampled.at(&system.mesh, values.view().current);

@@ -15,7 +15,7 @@ use super::{
     extended::Extended,
     laws::{Of, Placed, acts},
     near::{NEAR, NearKink},
-    refused::{flat, no_result, of_balance, of_followed},
+    refused::{flat, no_result, not_in_weights, of_balance, of_followed},
 };
 use crate::{
     Measure,
@@ -66,6 +66,8 @@ pub(super) fn weighed(
             if scene.system.numbering.has_ties() {
                 return Err(of_followed(&wanted.measure, declared.expr.span));
             }
+            let names: Vec<&str> = extended.live.iter().map(|live| live.name.as_str()).collect();
+            not_in_weights(&declared.expr, &names)?;
             results.push(Weighed { measure, summed: Summed::Rows(rows.to_vec()), steps });
             continue;
         }

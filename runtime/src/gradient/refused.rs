@@ -87,6 +87,19 @@ pub fn not_together(scene: &Scene) -> Option<Diagnostic> {
     None
 }
 
+/// Refuses parameters in what multiplies the unknown of a reaction.
+pub(super) fn not_in_weights(reaction: &Expr, live: &[&str]) -> Result<(), Box<Diagnostic>> {
+    let mut found = None;
+    each_word(reaction, &mut |at, word| {
+        if live.contains(&word) {
+            found.get_or_insert((at.span, word.to_owned()));
+        }
+    });
+    let Some((span, name)) = found else { return Ok(()) };
+    let d = message(format!("`{name}` multiplies what a reaction adds up: there it has no derivative yet"));
+    Err(Box::new(d.at(span, "").help("the reaction without the factor: its derivative times the factor is the same")))
+}
+
 /// Refuses what the derivatives of a run do not follow.
 pub(super) fn check(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnostic>> {
     let Differentiated { scene, script, outcome, .. } = of;
