@@ -139,6 +139,41 @@ fn reactions_have_the_derivatives_of_the_traction_that_they_balance() {
     }
 }
 
+/// Flow along faces with an aperture that has a kink, a source at a node, exchange, and reactions as results.
+const FLOW: &str = "wfl 1
+use \"poro\"
+param Q = 0.3
+param c = 10
+param k = 5
+param pw = 1
+mesh box [0,0] to [1,1] cells [6,6] quad
+region fault = faces where y == 0
+region west = faces where x == 0
+region ends = nodes of fault where x == 1
+region mid = nodes of fault where x == 0.5
+unknown p : scalar
+unknown pf : scalar on fault
+steps t = 0 to 1 by 0.25
+scheme backward_euler
+term rock on all : darcy(p, 1) + Dot_p*Test_p
+term flow on fault : along_fault(pf, c*(1 + pf^2))
+term volume on fault : filling(0.1 + pos_part(pf - 0.05), pf)
+term leak on fault : k*(pf - p)*(Test_pf - Test_p)
+fix p = pw*t on west
+fix pf = 0 on ends
+load pf = Q on mid
+measure q = reaction(pf) on ends
+measure m = mean(pf) on fault
+";
+
+#[test]
+fn flow_along_faces_and_what_supports_carry_of_it() {
+    for result in ["q", "sum(q)", "m"] {
+        let found = of(FLOW.to_owned(), &[], result, "Q, c, k, pw");
+        differences(FLOW, result, &["Q", "c", "k", "pw"], &found);
+    }
+}
+
 /// A factor of a reaction is none of its equations: its derivative is told to be missing, and not zero.
 #[test]
 fn a_parameter_in_the_weights_of_a_reaction_is_refused() {
