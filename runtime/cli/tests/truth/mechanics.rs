@@ -224,6 +224,22 @@ fn a_contact_that_never_closes_is_told_and_one_that_opens_is_not() {
 }
 
 #[test]
+fn a_contact_on_faces_that_are_held_is_told() {
+    // it acts along the normal: held along the face alone it takes part
+    let held = |fix: &str| {
+        let text = format!(
+            "wfl 1\nmesh box [0,0] to [1,1] cells [4,4] quad\nregion base = faces where y == 0\nregion top = faces where y == 1\n\
+             unknown u : vector\nterm body on all : (577*Div_u*Id(2) + 769*Sym(Grad_u)):Grad_Test_u\nfix u = [0,0] on base\n\
+             term contact on top : 1e5*pos_part(u.Normal + 0.01)*(Test_u.Normal)\n{fix} on top\n"
+        );
+        run("mechanics-held", &text, &[])
+    };
+    let told = held("fix u = [0.01,-0.02]");
+    assert!(told.code == 0 && told.marked("W412").starts_with("term contact on top"), "{}", told.text);
+    held("fix u(1) = 0.01").assert_silent();
+}
+
+#[test]
 fn a_load_beyond_the_limit_load_is_told_with_step_and_place() {
     // a strip in plane strain under tension, perfectly plastic: the limit load is 2/sqrt(3) of the yield stress, 277 MPa
     let text = |load: f64| {
