@@ -7,6 +7,7 @@ use wfl_runtime::{Pruning, Quiet, RunOptions, StepResult, run};
 use wfl_tests::{
     examples,
     mutants::{Mutant, Verdict, audit, idle_statements, judge, mutant, ready, seeds},
+    side_by_side,
 };
 
 /// Mutants of the release suite.
@@ -16,13 +17,13 @@ const MUTANTS: u64 = 1000;
 #[test]
 fn what_is_solved_without_a_warning_is_right() {
     let seeds = seeds();
-    let mut wrong = Vec::new();
-    for number in 0..MUTANTS {
-        let mutant = mutant(&seeds, number);
-        if let Verdict::Disagrees(why) = judge(&mutant, None) {
-            wrong.push(format!("mutant {number} of {} {:?}: {}", mutant.seed, mutant.changes, why.join("; ")));
-        }
-    }
+    let numbers: Vec<u64> = (0..MUTANTS).collect();
+    let judged = side_by_side(&numbers, |number| {
+        let mutant = mutant(&seeds, *number);
+        let Verdict::Disagrees(why) = judge(&mutant, None) else { return None };
+        Some(format!("mutant {number} of {} {:?}: {}", mutant.seed, mutant.changes, why.join("; ")))
+    });
+    let wrong: Vec<String> = judged.into_iter().flatten().collect();
     assert!(wrong.is_empty(), "{}\n`cargo run --release -p wfl-tests --bin mutants -- show NUMBER`", wrong.join("\n"));
 }
 

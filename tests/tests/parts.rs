@@ -6,7 +6,7 @@ use wfl_runtime::{Outcome, Scene, output::Piece};
 use wfl_tests::{
     examples,
     ranks::{Holding, Shared, run_with_gathered, solved, solved_keeping},
-    scene_files,
+    scene_files, side_by_side,
 };
 
 /// What measures may differ by, relative to their largest value; below the second part of the largest of all they are zero.
@@ -73,17 +73,17 @@ fn examples_have_the_results_of_one_rank() {
     ];
     /// Thousands of steps.
     const LONG: [&str; 2] = ["creep/history.wfl", "friction/bp1.wfl"];
-    for file in scene_files() {
+    side_by_side(&scene_files(), |file| {
         let path = file.strip_prefix(examples()).expect("an example").display().to_string();
         if LONG.contains(&path.as_str()) {
-            continue;
+            return;
         }
         let needs_whole = Shared::example(&path, &[]).whole().needs_whole_mesh().is_some();
         let holding = if needs_whole { Holding::Whole } else { Holding::Parts };
         if !needs_whole || WHOLE.contains(&path.as_str()) {
             agree(&path, &smaller(), 3, holding);
         }
-    }
+    });
 }
 
 /// Elements of both kinds, a crack, faces without a mesh of their own, states, local frames, finite strain with contact.

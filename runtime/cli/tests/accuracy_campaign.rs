@@ -181,12 +181,20 @@ fn a_demand_that_counts_as_reached_is_met_on_random_smooth_scenes() {
     let n = std::env::var("WFL_CAMPAIGN").ok().and_then(|n| n.parse().ok());
     let n: usize = n.unwrap_or(if cfg!(debug_assertions) { FEW } else { MANY });
     let mut random = Random(20_261_125);
+    let cases: Vec<(usize, Scene, &str, f64)> = (0..n)
+        .map(|k| {
+            let scene = Scene::new(&mut random);
+            let quantity = random.of(&["flux", "pv", "mean_east", "part", "en", "umax", "L2", "H1"]);
+            (k, scene, quantity, random.of(&[0.1, 0.03, 0.01, 3e-3, 1e-3]))
+        })
+        .collect();
+    let ended = common::side_by_side(&cases, |(k, scene, quantity, demanded)| {
+        let own = folder.0.join(k.to_string());
+        fs::create_dir_all(&own).expect("a folder");
+        one(scene, *demanded, quantity, &own)
+    });
     let (mut reached, mut refused, mut above) = (0, 0, Vec::new());
-    for k in 0..n {
-        let scene = Scene::new(&mut random);
-        let quantity = random.of(&["flux", "pv", "mean_east", "part", "en", "umax", "L2", "H1"]);
-        let demanded = random.of(&[0.1, 0.03, 0.01, 3e-3, 1e-3]);
-        let (code, estimate, truth) = one(&scene, demanded, quantity, &folder.0);
+    for ((k, scene, quantity, demanded), (code, estimate, truth)) in cases.iter().zip(ended) {
         assert!(code == 0 || code == 4, "scene {k}: exit {code}\n{}", scene.text());
         if code == 4 {
             refused += 1;
@@ -194,7 +202,7 @@ fn a_demand_that_counts_as_reached_is_met_on_random_smooth_scenes() {
         }
         reached += 1;
         assert!(truth.is_finite(), "scene {k}, {quantity}\n{}", scene.text());
-        if truth > demanded {
+        if truth > *demanded {
             println!("scene {k}: {quantity} {demanded}: true error {truth:.2e}, estimate {estimate:.2e}");
             above.push((truth / demanded, k, scene.text()));
         }

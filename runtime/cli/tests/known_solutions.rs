@@ -2,12 +2,15 @@
 //! than a cell, mixed, nonlinear and time-dependent ones, in one to three dimensions, on all cell kinds. The true errors are
 //! integrals against the solution that the scenes write themselves, or a closed form.
 
+mod common;
+
 use std::{
     f64::consts::PI,
     path::{Path, PathBuf},
     process::Command,
 };
 
+use common::side_by_side;
 use serde_json::Value;
 
 /// What is known of a scene.
@@ -100,22 +103,23 @@ fn true_error(report: &Value, of: &str, value: f64) -> f64 {
 
 fn check(asked: f64) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/known");
-    let out: PathBuf = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("known_{asked}"));
-    let mut wrong = Vec::new();
-    for Known { name, of, value, close } in known() {
-        for of in of {
-            let report = report(&folder.join(format!("{name}.wfl")), asked, of, &out);
-            let truth = true_error(&report, of, value);
-            let estimate = report["accuracy"]["estimate"].as_f64().expect("an estimate");
-            let rounds = report["accuracy"]["rounds"].as_u64().expect("a number");
-            let is_close = truth >= 0.05 * asked || rounds == 0 || !close;
-            // on a few cells one degenerate estimate makes the next ones careful
-            let is_large = asked < 0.1 && estimate > 2.5 * truth;
-            if truth > asked || !is_close || close && (estimate < 0.7 * truth || is_large) {
-                wrong.push(format!("{name} {of}: true error {truth:.2e}, estimate {estimate:.2e}, {rounds} rounds"));
-            }
-        }
-    }
+    let all: Vec<(Known, &str)> =
+        known().into_iter().flat_map(|known| known.of.iter().map(move |of| (Known { ..known }, *of))).collect();
+    let wrong: Vec<String> = side_by_side(&all, |(Known { name, value, close, .. }, of)| {
+        let out: PathBuf = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("known_{asked}_{name}_{of}"));
+        let report = report(&folder.join(format!("{name}.wfl")), asked, of, &out);
+        let truth = true_error(&report, of, *value);
+        let estimate = report["accuracy"]["estimate"].as_f64().expect("an estimate");
+        let rounds = report["accuracy"]["rounds"].as_u64().expect("a number");
+        let is_close = truth >= 0.05 * asked || rounds == 0 || !close;
+        // on a few cells one degenerate estimate makes the next ones careful
+        let is_large = asked < 0.1 && estimate > 2.5 * truth;
+        (truth > asked || !is_close || *close && (estimate < 0.7 * truth || is_large))
+            .then(|| format!("{name} {of}: true error {truth:.2e}, estimate {estimate:.2e}, {rounds} rounds"))
+    })
+    .into_iter()
+    .flatten()
+    .collect();
     assert!(wrong.is_empty(), "{asked}:\n{}", wrong.join("\n"));
 }
 
