@@ -44,11 +44,13 @@ fn assembled(scene: &mut Scene) -> Assembled {
     };
     let u = state(scene);
     let Scene { system, contact, .. } = scene;
-    let known: Vec<usize> = (0..system.fields.len()).filter(|k| system.known.data[*k].is_empty()).collect();
-    for k in known.into_iter().filter(|k| system.numbering.starts[*k].is_none()) {
-        system.known.data[k] = vec![0.25; system.fields[k].n_dofs()];
+    let known: Vec<usize> = (0..system.fields.len()).filter(|k| system.data()[*k].is_empty()).collect();
+    let unsolved: Vec<usize> = known.into_iter().filter(|k| system.numbering.starts[*k].is_none()).collect();
+    for k in unsolved {
+        let n = system.fields[k].n_dofs();
+        system.set_data(k, vec![0.25; n]);
     }
-    system.known.begin_rates(increment);
+    system.begin_rates(increment);
     system.begin_step(time, increment).expect("finite");
     contact.begin_step((time, increment));
     let mut all = Assembled { vectors: Vec::new(), branches: String::new(), matrices: Vec::new(), own: 0 };

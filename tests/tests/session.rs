@@ -301,7 +301,7 @@ fn the_grids_of_the_fields_have_their_values_at_their_nodes() {
     let scene = fault(2);
     let outcome = run(&scene, &options(), &mut Quiet).expect("a run");
     let u = &outcome.steps.last().expect("a step").state;
-    let grids = field_grids(&scene, &outcome.equations.system.known.data, u).expect("grids");
+    let grids = field_grids(&scene, outcome.equations.system.data(), u).expect("grids");
     assert_eq!(grids.len(), 2, "two bodies");
     for (grid, name) in grids.iter().zip(["uL", "uR"]) {
         assert_eq!(grid.point_data.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(), [name]);

@@ -84,7 +84,7 @@ impl Solved<'_> {
     fn law_size(&self, field: usize, terms: &[&AssembledTerm], current: &[&[f64]]) -> f64 {
         let n = self.system.fields[field].n_components;
         let previous = self.system.previous_slices();
-        let values = FieldValues { current, previous: &previous, rates: self.system.known.rates.as_ref() };
+        let values = FieldValues { current, previous: &previous, rates: self.system.rates() };
         let (mut sums, mut weights) = (Vec::new(), Vec::new());
         for (k, term) in terms.iter().enumerate() {
             let mut point = 0;

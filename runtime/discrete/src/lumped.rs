@@ -211,7 +211,7 @@ impl Lumped {
 /// Unknowns that explicit steps do not give.
 fn refuse_without_inertia(system: &System) -> Result<(), Unlumped> {
     let second = |k: usize| {
-        let mut fields = system.known.rates.iter().flat_map(Rates::fields);
+        let mut fields = system.rates().into_iter().flat_map(Rates::fields);
         fields.any(|of| of.field == k && of.form == RateForm::Second)
     };
     for (k, field) in system.fields.iter().enumerate() {
@@ -236,7 +236,7 @@ fn set_rate(system: &mut System, order: RateOrder, field: usize, component: Opti
     for (k, d) in system.range(field).into_iter().flatten().enumerate() {
         one[d] = f64::from(u8::from(component == Some(k % stride)));
     }
-    if let Some(rates) = &mut system.known.rates {
+    if let Some(rates) = system.rates_mut() {
         match order {
             RateOrder::First => rates.take(&one, &zero),
             RateOrder::Second => rates.take(&zero, &one),
@@ -248,7 +248,7 @@ fn set_rate(system: &mut System, order: RateOrder, field: usize, component: Opti
 /// No rates.
 fn rest(system: &mut System, time: f64) {
     let zero = vec![0.0; system.numbering.n_dofs];
-    if let Some(rates) = &mut system.known.rates {
+    if let Some(rates) = system.rates_mut() {
         rates.take(&zero, &zero);
     }
     system.set_laws(time, 0.0);
@@ -265,7 +265,7 @@ fn sum(system: &System, u: &[f64], wanted: &dyn Fn(&AssembledTerm) -> bool) -> R
 
 /// By field with second rates its number, and that of its components.
 fn rated(system: &System) -> Vec<(usize, usize)> {
-    let fields = system.known.rates.iter().flat_map(Rates::fields).filter(|of| of.form == RateForm::Second);
+    let fields = system.rates().into_iter().flat_map(Rates::fields).filter(|of| of.form == RateForm::Second);
     fields.map(|of| (of.field, system.fields[of.field].n_components)).collect()
 }
 
@@ -355,7 +355,7 @@ impl Operator {
         let mut changing = tangent.changing;
         if of_rates {
             // with the velocity factor 1 the derivative has both parts
-            if let Some(rates) = &mut system.known.rates {
+            if let Some(rates) = system.rates_mut() {
                 rates.probe(RateFactors { velocity: 1.0, ..RateFactors::default() });
             }
             system.set_laws(time, 0.0);
@@ -388,7 +388,7 @@ impl Operator {
             return sum(system, moved, &|t| self.takes(t));
         }
         let take = |system: &mut System, first: &[f64]| {
-            if let Some(rates) = &mut system.known.rates {
+            if let Some(rates) = system.rates_mut() {
                 rates.take(first, &zero);
             }
         };

@@ -77,7 +77,7 @@ pub fn redistribution(system: &mut System, nodes: &dyn Fn(&Field) -> Vec<u32>) -
         return Err(Unmovable::Mixed { term });
     }
     let mut carriers: Vec<Option<Weights>> = vec![None; system.numbering.n_dofs];
-    let fields = system.known.rates.iter().flat_map(Rates::fields).filter(|of| of.form == RateForm::Second);
+    let fields = system.rates().into_iter().flat_map(Rates::fields).filter(|of| of.form == RateForm::Second);
     for of in fields {
         let field = &system.fields[of.field];
         let FieldSpace::Nodal(space) = &field.space else { continue };
@@ -175,7 +175,7 @@ fn affine_weights(point: [f64; 3], places: &[[f64; 3]]) -> Option<Vec<f64>> {
 fn mass(system: &mut System) -> Result<Csr, SystemError> {
     let wanted: Vec<usize> = (0..system.terms.len()).filter(|k| reads(&system.terms[*k], RateOrder::Second)).collect();
     let mut at = |acceleration: f64| {
-        if let Some(rates) = &mut system.known.rates {
+        if let Some(rates) = system.rates_mut() {
             rates.probe(RateFactors { acceleration, ..RateFactors::default() });
         }
         let (time, increment) = system.step();
@@ -195,7 +195,7 @@ fn mass(system: &mut System) -> Result<Csr, SystemError> {
         }
         made = at(factor)?;
     }
-    system.known.hold_rates();
+    system.hold_rates();
     let (time, increment) = system.step();
     system.set_laws(time, increment);
     made.values_mut().iter_mut().zip(without.values()).for_each(|(a, b)| *a = (*a - b) / factor);

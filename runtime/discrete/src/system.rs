@@ -86,7 +86,7 @@ pub struct System {
     /// Every term, loads included.
     pub terms: Vec<AssembledTerm>,
     /// Data and the past.
-    pub known: Known,
+    known: Known,
     frozen: Vec<FrozenTerm>,
     /// The step variable.
     time: f64,
@@ -282,7 +282,7 @@ impl System {
     /// Brings the laws of all terms to a step; assembles nothing.
     pub fn set_laws(&mut self, time: f64, increment: f64) {
         (self.time, self.increment) = (time, increment);
-        let step = self.known.step(time, increment);
+        let step = self.step_at(time, increment);
         let frozen = self.frozen.iter_mut().map(|f| &mut f.form);
         self.terms.iter_mut().chain(frozen).for_each(|t| t.set_step(step));
     }

@@ -155,7 +155,7 @@ impl Shifted {
     /// The tangent of the equations as written; `None` where it is not symmetric or not that of displacements alone.
     fn at(step: &mut LoadStep<'_>, u: &[f64]) -> Result<Option<Self>, NewtonError> {
         let system = step.system;
-        let excluded = system.fields.iter().any(|f| f.kind == FieldKind::Multiplier) || system.known.rates.is_some();
+        let excluded = system.fields.iter().any(|f| f.kind == FieldKind::Multiplier) || system.rates().is_some();
         if excluded || system.is_linear() || !system.team().is_alone() || !step.solver.is_ours() {
             return Ok(None);
         }

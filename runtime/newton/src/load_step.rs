@@ -245,7 +245,7 @@ impl LoadStep<'_> {
         }
         let parts = system.largest_of_groups(&system.contributions(u)?);
         let cancels = system.largest_of_groups(&system.cancelled(u, written));
-        let before = system.known.previous.as_ref().map(|past| system.largest_of_groups(&past.unknowns));
+        let before = system.past().map(|past| system.largest_of_groups(&past.unknowns));
         let mut no_force = false;
         for k in of_forces {
             scales[k] = largest_of([scales[k], parts[k]]);

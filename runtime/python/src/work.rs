@@ -190,7 +190,7 @@ impl Work {
         let summary = ending::summary(options.out.as_deref(), &outcome);
         let end = &outcome.equations;
         let contact = outcome.steps.last().map_or_else(Vec::new, |step| self.contact(end, &step.state));
-        let known = end.system.known.data.clone();
+        let known = end.system.data().to_vec();
         Finished { outcome, options, ending: ended.ending, told: list, summary, contact, known, changes: self.changes }
     }
 

@@ -66,7 +66,7 @@ pub fn probe(scene: &Scene, equations: &Equations, u: &[f64], small: f64) -> Res
     }
     let (now, increment) = equations.system.step();
     let mut own = scene.equations();
-    own.system.known = equations.system.known.clone();
+    own.system.set_known(equations.system.known());
     let mut solving = scene.solving(&mut own);
     for time in times(scene, &wanted).unwrap_or_else(|| vec![now]) {
         solving.set_data(time, increment)?;

@@ -300,7 +300,7 @@ fn degrees(script: &ResolvedScript, scene: &Scene) -> (Vec<usize>, usize, bool) 
 
 /// What divides the steps of a scene whose steps depend on those before them.
 fn increment(script: &ResolvedScript, scene: &Scene) -> Increment {
-    let remembers = scene.system.known.previous.is_some() || !scene.states.is_empty();
+    let remembers = scene.system.past().is_some() || !scene.states.is_empty();
     let Some(steps) = script.steps.as_ref().filter(|_| remembers && scene.steps.values.len() > 1) else {
         return Increment::None;
     };

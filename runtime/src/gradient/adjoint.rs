@@ -186,7 +186,7 @@ impl Backwards<'_, '_> {
         ends: &BTreeMap<usize, usize>,
         kinks: &Kinks,
     ) -> Result<(Vec<Sums>, Vec<NearKink>), Box<Diagnostic>> {
-        let zeros: Vec<Vec<f64>> = self.solving.system.known.data.iter().map(|v| vec![0.0; v.len()]).collect();
+        let zeros: Vec<Vec<f64>> = self.solving.system.data().iter().map(|v| vec![0.0; v.len()]).collect();
         let zero = Cotangent { u: vec![0.0; self.solving.system.numbering.n_dofs], known: zeros.clone() };
         let of_one = || Sums { live: vec![0.0; self.extended.n_live()], data: zeros.clone() };
         let nothing = vec![zero; results.len()];
@@ -197,7 +197,7 @@ impl Backwards<'_, '_> {
             near: Vec::new(),
         };
         // the states behind the step that is looked at
-        let mut after: Vec<Vec<f64>> = self.solving.system.known.data.clone();
+        let mut after: Vec<Vec<f64>> = self.solving.system.data().to_vec();
         for n in (0..self.trajectory.steps.len()).rev() {
             let step = &self.trajectory.steps[n];
             let is_read = ends.get(&n).is_some_and(|end| results.iter().any(|w| w.steps[*end] != 0.0));
@@ -275,18 +275,18 @@ impl Backwards<'_, '_> {
         let bad = |e: crate::SystemError| not_made(&e.to_string());
         self.put_states(&step.states);
         self.solving.set_data(at.0, at.1).map_err(bad)?;
-        self.solving.system.known.keep(past);
+        self.solving.system.end_step(past);
         self.solving.set_data(step.time, step.increment).map_err(bad)?;
         if step.kind != Passed::Given {
             self.solving.system.begin_step(step.time, step.increment).map_err(bad)?;
         }
-        self.laws.set_step(self.solving.system.known.step(step.time, step.increment));
+        self.laws.set_step(self.solving.system.step_at(step.time, step.increment));
         Ok(())
     }
 
     fn put_states(&mut self, states: &[Vec<f64>]) {
         for state in &self.solving.scene.states {
-            self.solving.system.known.data[state.field].clone_from(&states[state.field]);
+            self.solving.system.data_mut(state.field).clone_from(&states[state.field]);
         }
     }
 

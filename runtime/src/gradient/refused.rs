@@ -73,7 +73,7 @@ pub fn not_together(scene: &Scene) -> Option<Diagnostic> {
     if !system.mesh.is_whole() || !system.team().is_alone() {
         return Some(message("several ranks have no derivatives yet").help("run it without mpirun"));
     }
-    if scene.explicit.is_some() || system.known.rates.is_some() || system.redistribution().is_some() {
+    if scene.explicit.is_some() || system.rates().is_some() || system.redistribution().is_some() {
         let d = message("the rates of this scheme have no derivatives yet");
         return Some(d.help(
             "states, `Previous_u` and first rates by backward Euler (`scheme backward_euler`) have them, also with steps \

@@ -65,7 +65,7 @@ impl Stepper {
         stepping::begin(scene, Leg { from: Some(at), to: stop, first_increment: rules.first, told: None }, u)?;
         if scene.tables.corners.contains(&at) {
             self.adaptive(&rules).turn(&rules);
-            scene.system.known.rates.iter_mut().for_each(Rates::turn);
+            scene.system.rates_mut().into_iter().for_each(Rates::turn);
         }
         let before = self.snapshot(scene, u);
         let (mut attempts, mut guess, mut fruitless, mut singular) = (Vec::new(), true, 0, 0);
@@ -131,7 +131,7 @@ impl Stepper {
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<StepHistory, StepError> {
-        if let (Some(rates), Some(adaptive)) = (&mut scene.system.known.rates, &self.adaptive) {
+        if let (Some(rates), Some(adaptive)) = (scene.system.rates_mut(), &self.adaptive) {
             rates.take_order(adaptive.control.order as usize);
         }
         self.explains = false;
@@ -154,8 +154,7 @@ impl Stepper {
     /// Writes what is expected into the free unknowns; false where nothing is known of the past.
     fn guess(&mut self, scene: &Solving<'_>, rules: &Auto, increment: f64, u: &mut [f64]) -> bool {
         let Some(mut expected) = self.adaptive(rules).expected(scene, increment) else { return false };
-        let known = &scene.system.known;
-        if let (Some(rates), Some(past)) = (&known.rates, &known.previous) {
+        if let (Some(rates), Some(past)) = (scene.system.rates(), scene.system.past()) {
             rates.draw_back(&mut expected, &past.unknowns);
         }
         let free = &scene.system.numbering.free;
@@ -179,8 +178,7 @@ impl Stepper {
             nothing => return Tried::Nothing(nothing, u.to_vec()),
         };
         let mut end = u.to_vec();
-        let known = &scene.system.known;
-        if let (Some(rates), Some(past)) = (&known.rates, &known.previous) {
+        if let (Some(rates), Some(past)) = (scene.system.rates(), scene.system.past()) {
             rates.extrapolate(&mut end, &past.unknowns);
         }
         let solution = joined(&end, self.next_states.iter().map(Vec::as_slice));

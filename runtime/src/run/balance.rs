@@ -93,9 +93,9 @@ impl Balance {
     pub(super) fn add(&mut self, scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<(), NewtonError> {
         let Forces { by_term, total, kinetic } = forces(scene, at, u)?;
         let system = &scene.system;
-        let Some(past) = &system.known.previous else { return Ok(()) };
+        let Some(past) = system.past() else { return Ok(()) };
         let mut change = vec![0.0; u.len()];
-        for d in moving(system.known.rates.as_ref()).into_iter().flatten() {
+        for d in moving(system.rates()).into_iter().flatten() {
             change[d] = u[d] - past.unknowns[d];
         }
         let mean = |a: &[f64], b: &[f64], d: usize| 0.5 * (a[d] + b[d]);
@@ -143,15 +143,15 @@ fn forces_at_end(scene: &Scene, system: &mut System, at: StepTime, u: &[f64]) ->
     let Scene { explicit, energy, .. } = scene;
     let names: &[String] = energy.as_ref().map_or(&[], |e| &e.terms);
     let zero = vec![0.0; u.len()];
-    let past = system.known.previous.as_ref().map_or(u, |past| &past.unknowns);
-    let [first, second] = system.known.rates.as_ref().map_or([zero.clone(), zero.clone()], |r| r.ended(u, past));
-    let take = |rates: &mut Option<Rates>, second: &[f64]| {
+    let past = system.past().map_or(u, |past| &past.unknowns);
+    let [first, second] = system.rates().map_or([zero.clone(), zero.clone()], |r| r.ended(u, past));
+    let take = |rates: Option<&mut Rates>, second: &[f64]| {
         if let Some(rates) = rates {
             rates.take(&first, second);
         }
     };
     // without accelerations a term with inertia gives what else stands in it
-    take(&mut system.known.rates, &zero);
+    take(system.rates_mut(), &zero);
     system.set_laws(at.time, at.increment);
     let mut by_term = vec![zero.clone(); names.len() + 1];
     let (mut total, mut inertia) = (zero.clone(), zero.clone());
@@ -166,7 +166,7 @@ fn forces_at_end(scene: &Scene, system: &mut System, at: StepTime, u: &[f64]) ->
         }
     }
     let mut of_mass = |of: &[f64]| -> Result<Vec<f64>, NewtonError> {
-        take(&mut system.known.rates, of);
+        take(system.rates_mut(), of);
         let mut sum = zero.clone();
         for k in (0..system.terms.len()).filter(|k| has_inertia(&system.terms[*k])) {
             system.term_residual(k, u, &mut sum)?;

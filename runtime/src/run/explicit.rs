@@ -56,8 +56,7 @@ impl Stepper {
     ) -> Result<(), StepError> {
         let h = at.increment;
         let before = u.to_vec();
-        let [first, second] =
-            scene.system.known.rates.as_ref().map(|r| r.ended(u, u)).expect("explicit steps have rates");
+        let [first, second] = scene.system.rates().map(|r| r.ended(u, u)).expect("explicit steps have rates");
         let mut half: Vec<f64> = first.iter().zip(&second).map(|(r, s)| r + 0.5 * h * s).collect();
         u.iter_mut().zip(&half).for_each(|(x, r)| *x += h * r);
         scene.prescribed.apply(at.time, h, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
@@ -100,7 +99,7 @@ impl Stepper {
 
 /// Rates, by dof, that terms read until the next ones are taken.
 fn take_rates(scene: &mut Solving<'_>, first: &[f64], second: &[f64]) {
-    if let Some(rates) = &mut scene.system.known.rates {
+    if let Some(rates) = scene.system.rates_mut() {
         rates.take(first, second);
     }
 }

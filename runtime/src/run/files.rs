@@ -19,7 +19,7 @@ use std::{
 
 use super::{CHECKPOINT_FILE, CheckpointError, RunError, StepResult, checkpoint, others};
 use crate::{
-    assemble::{AssembledTerm, FieldValues},
+    assemble::AssembledTerm,
     finite::BadOutput,
     output::{self, MEASURES_FILE, OutputDir, OutputError, Piece, Plan, REPORT_FILE, Series, write_csv},
     scene::{CsvOutput, Scene, Solving, StepPlace},
@@ -277,9 +277,8 @@ pub(super) fn collect(scene: &Solving<'_>, step: &StepResult, place: StepPlace<'
     let (time, increment, number) = (step.time, step.increment, place.number);
     let rows = step.series.clone();
     let Solving { system, contact, scene: Scene { vtk, csv, steps, .. } } = scene;
-    let current = system.slices(&step.state);
-    let previous = system.previous_slices();
-    let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
+    let state = system.values(&step.state);
+    let values = state.view();
     let mut grids = Vec::with_capacity(vtk.len());
     let mut bad = Vec::new();
     for output in vtk {

@@ -27,7 +27,7 @@ impl Memory {
         Self {
             changing: tangent.changing.values().to_vec(),
             contact: scene.contact.memory(),
-            states: states(system).map(|k| system.known.data[k].clone()).collect(),
+            states: states(system).map(|k| system.data()[k].clone()).collect(),
         }
     }
 
@@ -40,7 +40,7 @@ impl Memory {
     /// What steps without a tangent leave: the state of contact and the states.
     pub(super) fn without_tangent(scene: &Solving<'_>) -> Self {
         let system = &scene.system;
-        let states = states(system).map(|k| system.known.data[k].clone()).collect();
+        let states = states(system).map(|k| system.data()[k].clone()).collect();
         Self { changing: Vec::new(), contact: scene.contact.memory(), states }
     }
 
@@ -74,13 +74,13 @@ impl Memory {
 
     /// Contact and states alone.
     fn recall_states(&self, scene: &mut Solving<'_>) -> bool {
-        let known = &scene.system.known.data;
+        let known = scene.system.data();
         let fits = states(scene.system).map(|k| known[k].len()).eq(self.states.iter().map(Vec::len));
         if !fits || !scene.contact.recall(&self.contact) {
             return false;
         }
         let of: Vec<usize> = states(scene.system).collect();
-        of.iter().zip(&self.states).for_each(|(k, s)| scene.system.known.data[*k].clone_from(s));
+        of.iter().zip(&self.states).for_each(|(k, s)| scene.system.data_mut(*k).clone_from(s));
         true
     }
 }

@@ -2,7 +2,6 @@
 
 use super::{Progress, Run, StepResult, events::Sides};
 use crate::{
-    assemble::FieldValues,
     finite::{BadMeasure, BadOutput},
     scene::{CsvOutput, Measured, Scene, Solving, StepPlace},
 };
@@ -72,9 +71,8 @@ impl Run {
     /// that leaves the step out.
     pub(super) fn series(&self, scene: &Solving<'_>, step: &StepResult, place: StepPlace<'_>) -> Vec<Vec<Vec<f64>>> {
         let Solving { system, scene: Scene { series, steps, .. }, .. } = scene;
-        let current = system.slices(&self.u);
-        let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
+        let state = system.values(&self.u);
+        let values = state.view();
         let rows = |output: &CsvOutput| {
             if !output.every.has(place, steps) {
                 return Vec::new();

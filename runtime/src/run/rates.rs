@@ -32,13 +32,13 @@ const WEIGHT: i32 = 40;
 
 /// Begins the rates of a step; gives the time at which its equations stand.
 pub(super) fn enter(scene: &mut Solving<'_>, at: StepTime) -> StepTime {
-    scene.system.known.begin_rates(at.increment);
+    scene.system.begin_rates(at.increment);
     StepTime { time: at.time - offset(scene) * at.increment, ..at }
 }
 
 /// How far before its end the equations of a step stand, as a part of it.
 pub(super) fn offset(scene: &Solving<'_>) -> f64 {
-    scene.system.known.rates.as_ref().map_or(0.0, |r| r.scheme().offset())
+    scene.system.rates().map_or(0.0, |r| r.scheme().offset())
 }
 
 /// Writes the prescribed values of a step into `u`, which holds the state at its start. Where the equations stand within
@@ -54,7 +54,7 @@ pub(super) fn prescribe(scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) ->
     let mut end = before.clone();
     scene.prescribed.apply(time, increment, &mut end)?;
     scene.prescribed.apply(time - offset * increment, increment, u)?;
-    for of in scene.system.known.rates.iter().flat_map(Rates::fields) {
+    for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
         for d in of.dofs.clone() {
             u[d] = end[d] + offset * (before[d] - end[d]);
         }
@@ -78,8 +78,7 @@ pub(super) fn leave(scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) -> Res
     if offset(scene) == 0.0 {
         return Ok(());
     }
-    let known = &mut scene.system.known;
-    if let (Some(rates), Some(past)) = (&mut known.rates, &known.previous) {
+    if let Some((rates, past)) = scene.system.rates_and_past() {
         rates.finish(u, &past.unknowns);
     }
     scene.set_data(at.time, at.increment)
@@ -87,10 +86,10 @@ pub(super) fn leave(scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) -> Res
 
 /// The rates where time starts, at the state `u` and the first increment `at`.
 pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<(), NewtonError> {
-    let most = scene.system.known.rates.as_ref().map_or(0, |rates| rates.scheme().most_order(RateForm::First));
+    let most = scene.system.rates().map_or(0, |rates| rates.scheme().most_order(RateForm::First));
     let of_a_list = scene.steps.auto.is_none();
     let begins_with_rates = most > 2 && of_a_list;
-    if !scene.system.known.rates.as_ref().is_some_and(|rates| rates.are_read_at_start(of_a_list)) {
+    if !scene.system.rates().is_some_and(|rates| rates.are_read_at_start(of_a_list)) {
         return Ok(());
     }
     let given = |bad: BadGiven| NewtonError::Given(Box::new(bad));
@@ -120,13 +119,13 @@ pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<
         None => highest(scene, u, at, [&first, &second])?,
     };
     let form_of = |scene: &Solving<'_>, form| {
-        let rates = scene.system.known.rates.as_ref().into_iter().flat_map(Rates::fields);
+        let rates = scene.system.rates().into_iter().flat_map(Rates::fields);
         rates.filter(|f| f.form == form).flat_map(|f| f.dofs.clone()).collect::<Vec<_>>()
     };
     form_of(scene, RateForm::First).into_iter().for_each(|d| first[d] = highest[d]);
     form_of(scene, RateForm::Second).into_iter().for_each(|d| second[d] = highest[d]);
     keep(scene, &first, &second);
-    if let Some(rates) = scene.system.known.rates.as_mut().filter(|_| begins_with_rates && all_known) {
+    if let Some(rates) = scene.system.rates_mut().filter(|_| begins_with_rates && all_known) {
         rates.begin_with_rates();
     }
     Ok(())
@@ -134,7 +133,7 @@ pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<
 
 /// Takes rates by dof as those at the start.
 fn keep(scene: &mut Solving<'_>, first: &[f64], second: &[f64]) {
-    if let Some(rates) = &mut scene.system.known.rates {
+    if let Some(rates) = scene.system.rates_mut() {
         rates.take(first, second);
     }
 }
@@ -174,14 +173,14 @@ fn highest(
     #[expect(clippy::cast_possible_truncation, reason = "an exponent")]
     let exponent = WEIGHT - at.increment.abs().log2().floor() as i32;
     let (weight, root) = (2.0f64.powi(2 * exponent), 2.0f64.powi(exponent));
-    if let Some(rates) = &mut scene.system.known.rates {
+    if let Some(rates) = scene.system.rates_mut() {
         rates.probe(RateFactors { rate: weight, velocity: 0.0, acceleration: weight });
     }
     let weighted = tangent(scene, u, at)?;
-    scene.system.known.hold_rates();
+    scene.system.hold_rates();
     let mut base = vec![0.0; u.len()];
     let mut has_rate = vec![false; u.len()];
-    for of in scene.system.known.rates.iter().flat_map(Rates::fields) {
+    for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
         let from = if of.form == RateForm::Second { known[1] } else { known[0] };
         base[of.dofs.clone()].copy_from_slice(&from[of.dofs.clone()]);
         has_rate[of.dofs.clone()].fill(true);
@@ -236,7 +235,7 @@ fn highest_by_diagonal(
 /// The whole tangent over the free unknowns at the present rates.
 fn tangent(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<Csr, NewtonError> {
     scene.system.begin_step(at.time, at.increment)?;
-    scene.contact.begin_step(scene.system.known.step(at.time, at.increment));
+    scene.contact.begin_step(scene.system.step_at(at.time, at.increment));
     let mut changing = scene.system.new_tangent();
     scene.system.tangent(u, Branches::AsWritten, &mut changing)?;
     let own = scene.system.bulk().plus(&changing.changing).map_err(SystemError::from)?;

@@ -39,7 +39,7 @@ impl Adaptive {
 
     /// Takes a solution at the end of an increment.
     pub(super) fn add(&mut self, scene: &Solving<'_>, rules: &Auto, increment: f64, u: &[f64]) {
-        let solution = joined(u, scene.states.iter().map(|s| scene.system.known.data[s.field].as_slice()));
+        let solution = joined(u, scene.states.iter().map(|s| scene.system.data()[s.field].as_slice()));
         for (scale, range) in self.scales.iter_mut().zip(ranges(scene, rules)) {
             *scale = solution[range].iter().fold(*scale, |m, v| m.max(v.abs()));
         }
@@ -76,7 +76,7 @@ impl Adaptive {
         let team = scene.system.team();
         let own_size = |range: &Range<usize>| solution[range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let size = |range: &Range<usize>| team.largest(own_size(range));
-        let rates = scene.system.known.rates.as_ref();
+        let rates = scene.system.rates();
         let mut errors = Errors::default();
         for (field, (range, scale)) in rules.fields.iter().zip(ranges(scene, rules).zip(&self.scales)) {
             let scale = scale.max(size(&range));
@@ -125,7 +125,7 @@ fn larger(a: f64, b: f64) -> f64 {
 
 /// The largest order with which the scheme integrates a field.
 fn most_order(scene: &Solving<'_>) -> usize {
-    scene.system.known.rates.as_ref().map_or(1, |rates| match rates.scheme() {
+    scene.system.rates().map_or(1, |rates| match rates.scheme() {
         Scheme::BackwardEuler => 1,
         scheme => rates.fields().iter().map(|of| scheme.most_order(of.form)).fold(2, usize::max),
     })
@@ -139,7 +139,7 @@ fn ranges<'s>(scene: &'s Scene, rules: &'s Auto) -> impl Iterator<Item = Range<u
         }
         let mut start = scene.system.numbering.n_dofs;
         for state in &scene.states {
-            let n = scene.system.known.data[state.field].len();
+            let n = scene.system.data()[state.field].len();
             if state.field == *field {
                 return start..start + n;
             }

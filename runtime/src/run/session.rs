@@ -183,7 +183,7 @@ impl Session {
             let stands = if given { at } else { rates::enter(solving, at) };
             solving.set_data(stands.time, increment)?;
             let changed = solving.system.begin_step(stands.time, increment)?;
-            solving.contact.begin_step(solving.system.known.step(stands.time, increment));
+            solving.contact.begin_step(solving.system.step_at(stands.time, increment));
             if changed {
                 // a factor of the matrix before serves no step that is solved later
                 run.stepper.solver = None;

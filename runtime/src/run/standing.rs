@@ -15,11 +15,10 @@ use crate::{
 impl Stepper {
     /// What an attempt at a step from `u` may change.
     pub(super) fn snapshot(&self, scene: &Solving<'_>, u: &[f64]) -> Snapshot {
-        let known = &scene.system.known;
         let changes = if scene.explicit.is_some() {
-            Changes::Rates(known.rates.clone())
+            Changes::Rates(scene.system.rates().cloned())
         } else {
-            Changes::All { memory: self.memory(scene), known: known.clone() }
+            Changes::All { memory: self.memory(scene), known: scene.system.known().clone() }
         };
         Snapshot { u: u.to_vec(), changes, parts: [self.level, self.easy], sums: None }
     }
@@ -43,11 +42,11 @@ impl Stepper {
         }
         let fits = match &to.changes {
             Changes::Rates(rates) => {
-                scene.system.known.rates.clone_from(rates);
+                scene.system.set_rates(rates.as_ref());
                 true
             }
             Changes::All { memory, known } => {
-                scene.system.known.clone_from(known);
+                scene.system.set_known(known);
                 let tangent = self.tangent.get_or_insert_with(|| scene.system.new_tangent());
                 memory.recall(scene, tangent)
             }
@@ -59,8 +58,7 @@ impl Stepper {
 impl Run {
     /// Where the run stands, made by all ranks together.
     pub(super) fn state(&self, scene: &Solving<'_>) -> State {
-        let known = &scene.system.known;
-        let rates = known.rates.as_ref().zip(known.previous.as_ref());
+        let rates = scene.system.rates().zip(scene.system.past());
         let stepper = &self.stepper;
         State {
             u: self.u.clone(),
@@ -88,7 +86,7 @@ impl Run {
         progress: &mut dyn Progress,
     ) -> Result<bool, NewtonError> {
         let State { u, memory, rates, solver, level, easy, adaptive, mut balance, friction } = state;
-        if u.len() != self.u.len() || scene.system.known.rates.as_mut().is_some_and(|own| !own.recall(&rates)) {
+        if u.len() != self.u.len() || scene.system.rates_mut().is_some_and(|own| !own.recall(&rates)) {
             return Ok(false);
         }
         let fits = if let Some(explicit) = &scene.explicit {

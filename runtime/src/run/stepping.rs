@@ -208,7 +208,7 @@ impl Stepper {
                         self.slide(scene, u);
                         self.keep_passed(scene, at, u, Passed::Part);
                         self.leave(scene, at, u)?;
-                        scene.system.known.keep(u);
+                        scene.system.end_step(u);
                     }
                     passed = Some(self.snapshot(scene, u));
                 }
@@ -266,7 +266,7 @@ impl Stepper {
             }
         };
         u.copy_from_slice(&state);
-        scene.system.known.begin_rates(increment);
+        scene.system.begin_rates(increment);
         result.map(|history| self.reached(parts, history, increment))
     }
 
@@ -311,7 +311,7 @@ impl Stepper {
         scene.system.start_from_predictor(u);
         let begin = Instant::now();
         let mut watch = Forward { progress };
-        let carries = scene.system.known.rates.as_ref().is_some_and(Rates::carries_rounding);
+        let carries = scene.system.rates().is_some_and(Rates::carries_rounding);
         let newton = scene.newton;
         let mut step = LoadStep {
             system: scene.system,
@@ -329,7 +329,7 @@ impl Stepper {
         let result = solve_step(&mut step, &from, u);
         (self.linear, self.spent) = (step.linear, step.spent);
         // a state with rates is moved once more below
-        self.residual = step.reached.take().filter(|_| target.load.is_none() && scene.system.known.rates.is_none());
+        self.residual = step.reached.take().filter(|_| target.load.is_none() && scene.system.rates().is_none());
         let rounding = step.rounding;
         clock.factor += self.spent.factor;
         clock.solve += self.spent.solve;
@@ -337,7 +337,7 @@ impl Stepper {
         let history = result.map_err(|error| if self.explains { self.explained(scene, error, u) } else { error })?;
         // a state that is written, measured or continued is finite
         scene.system.check_finite("value", u, u).map_err(NewtonError::from)?;
-        if let (Some(rounding), Some(rates)) = (rounding, &mut scene.system.known.rates) {
+        if let (Some(rounding), Some(rates)) = (rounding, scene.system.rates_mut()) {
             rates.carry_rounding(u, &rounding.of(u));
             scene.system.numbering.follow(u);
         }
@@ -365,7 +365,7 @@ impl Stepper {
     /// Takes over the states that follow from the last part that converged.
     pub(super) fn renew(&mut self, scene: &mut Solving<'_>) {
         for (state, values) in scene.scene.states.iter().zip(self.next_states.drain(..)) {
-            scene.system.known.data[state.field] = values;
+            scene.system.set_data(state.field, values);
         }
     }
 
@@ -387,9 +387,9 @@ impl Stepper {
             return Ok(Reached { history, time: leg.to, increment: leg.first_increment, attempts });
         }
         // the matrix is that of the first step; its rates are those at the start
-        scene.system.known.begin_rates(at.increment);
+        scene.system.begin_rates(at.increment);
         self.prepare(scene, at, clock, progress)?;
-        scene.system.known.hold_rates();
+        scene.system.hold_rates();
         Ok(Reached {
             history: StepHistory::given(),
             time: leg.to,
@@ -410,7 +410,7 @@ impl Stepper {
         scene.set_data(time, increment)?;
         let begin = Instant::now();
         let changed = scene.system.begin_step(time, increment)?;
-        scene.contact.begin_step(scene.system.known.step(time, increment));
+        scene.contact.begin_step(scene.system.step_at(time, increment));
         self.tangent.get_or_insert_with(|| scene.system.new_tangent());
         clock.assemble += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
@@ -444,7 +444,7 @@ pub(super) fn begin(scene: &mut Solving<'_>, leg: Leg, u: &[f64]) -> Result<(), 
     if leg.from.is_none() {
         scene.set_data(leg.to, leg.first_increment)?;
     }
-    scene.system.known.keep(u);
+    scene.system.end_step(u);
     Ok(())
 }
 

@@ -62,7 +62,7 @@ impl Trajectory {
     /// Adds a step that has converged at `u`, before its states are renewed.
     pub(super) fn add(&mut self, scene: &Solving<'_>, at: StepTime, u: &[f64], kind: Passed) {
         let of = |(k, field): (usize, &Field)| match field.kind {
-            FieldKind::State => scene.system.known.data[k].clone(),
+            FieldKind::State => scene.system.data()[k].clone(),
             _ => Vec::new(),
         };
         let states = scene.system.fields.iter().enumerate().map(of).collect();

@@ -470,7 +470,7 @@ fn with_contact(
     system.add_frozen(frozen)?;
     let mut contact = Contact::new(contact);
     system.set_laws(at, 1.0);
-    contact.begin_step(system.known.step(at, 1.0));
+    contact.begin_step(system.step_at(at, 1.0));
     Ok((system, contact))
 }
 

@@ -58,7 +58,7 @@ impl Solving<'_> {
         for (field, value) in &self.scene.data {
             let positions = node_positions(self.system, *field);
             let values = agreed(self.system, value.at(&positions, time, increment));
-            self.system.known.data[*field] = values.map_err(Box::new)?;
+            self.system.set_data(*field, values.map_err(Box::new)?);
         }
         Ok(())
     }
@@ -82,7 +82,7 @@ impl Solving<'_> {
             let values = agreed(system, value.at(&positions, time, 0.0))?;
             match system.numbering.starts[*field] {
                 Some(first) => u[first..first + values.len()].copy_from_slice(&values),
-                None => system.known.data[*field] = values,
+                None => system.set_data(*field, values),
             }
         }
         system.numbering.follow(&mut u);
@@ -93,7 +93,7 @@ impl Solving<'_> {
     fn stand_at(&mut self, time: f64, increment: f64) -> Result<(), SystemError> {
         self.set_data(time, increment)?;
         self.system.set_laws(time, increment);
-        self.contact.begin_step(self.system.known.step(time, increment));
+        self.contact.begin_step(self.system.step_at(time, increment));
         Ok(())
     }
 }
@@ -126,7 +126,7 @@ impl Scene {
         let mut solving = self.solving(&mut equations);
         let u = solving.start().map_err(Box::new)?;
         solving.stand_at(self.steps.first(), self.steps.first_increment())?;
-        equations.system.known.keep(&u);
+        equations.system.end_step(&u);
         Ok((equations, u))
     }
 

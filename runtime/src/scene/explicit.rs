@@ -159,7 +159,7 @@ fn at_start(scene: &Scene) -> Result<(Lumped, StepLimit), Unlumped> {
     let mut u = solving.start().map_err(Box::new)?;
     scene.prescribed.apply(time, increment, &mut u).map_err(Box::new)?;
     let system = solving.system;
-    system.known.keep(&u);
+    system.end_step(&u);
     let lumped = Lumped::of(system, &u, time)?;
     let limit = lumped.longest_step(system, &u, time)?;
     Ok((lumped, limit))

@@ -6,7 +6,7 @@ use wfl_compiler::{FrozenLaw, PrintLaw, backend::PointKernel, ir::Origin, types:
 
 use super::Builder;
 use crate::{
-    assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots},
+    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
     contact::{ContactParts, ContactTerm},
     field::{Field, FieldSpace},
     point_space::PointSpace,
@@ -27,10 +27,9 @@ pub struct Printed {
 impl Printed {
     /// Calls `f(position, value)` at each point of the term, at the state and step given.
     pub fn for_each(&self, system: &System, time: f64, increment: f64, u: &[f64], mut f: impl FnMut([f64; 3], &[f64])) {
-        let printed = self.value.at_step(system.known.step(time, increment));
-        let current = system.slices(u);
-        let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
+        let printed = self.value.at_step(system.step_at(time, increment));
+        let state = system.values(u);
+        let values = state.view();
         let sampled = self.sampled.at(&system.mesh, values.current);
         let domain = sampled.domain.clone();
         printed.for_each_point(&system.mesh, &sampled, values, |g, entity, q, _, value| {

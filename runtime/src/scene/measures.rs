@@ -23,7 +23,7 @@ use super::{
     terms::{self, PointsOf},
 };
 use crate::{
-    assemble::{Domain, FieldValues},
+    assemble::Domain,
     element::{Element, Family},
     field::Field,
     finite::BadMeasure,
@@ -282,9 +282,8 @@ impl Measure {
 
     /// Where the expression is not finite, for a `value` that is not, at the state of the last [`Self::evaluate`].
     pub fn bad(&self, value: f64, system: &System, u: &[f64]) -> BadMeasure {
-        let current = system.slices(u);
-        let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
+        let state = system.values(u);
+        let values = state.view();
         let at = match &self.taken {
             Taken::Points(_, parts) => {
                 parts.iter().find_map(|(v, sampled)| v.first_not_finite(&system.mesh, sampled, values))
@@ -308,9 +307,8 @@ impl Measure {
 /// Values at points as one number.
 fn reduced(reduction: Reduction, parts: &[(Value, Sampled)], at: &Measured<'_>) -> f64 {
     let Measured { system, time, increment, u, .. } = *at;
-    let current = system.slices(u);
-    let previous = system.previous_slices();
-    let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
+    let state = system.values(u);
+    let values = state.view();
     let (mut sum, mut size) = (0.0, 0.0);
     let (mut largest, mut smallest) = (f64::NEG_INFINITY, f64::INFINITY);
     // of a sum with an infinite part nothing is known, and neither of the largest of values of which one is none

@@ -62,7 +62,7 @@ impl Scene {
     pub fn needs_whole_mesh(&self) -> Option<&'static str> {
         let system = &self.system;
         let of_bodies = |term: &AssembledTerm| term.on_cells() && self.acts_on_all(term);
-        let rates = system.known.rates.as_ref();
+        let rates = system.rates();
         let begins = |rates: &Rates| rates.are_read_at_start(self.steps.auto.is_none());
         let of_file = |(_, given): &(usize, Given)| !matches!(given, Given::Formula(..));
         let reasons = [

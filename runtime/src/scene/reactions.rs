@@ -15,7 +15,6 @@ use wfl_compiler::{Constant, Env, InterpreterBackend, compile_value, types::Fiel
 
 use super::{Builder, Prescribed, mesh::position_place, rates::Integration};
 use crate::{
-    field::Field,
     rates::Scheme,
     system::{Numbering, System},
     value::Value,
@@ -59,13 +58,7 @@ impl<'a> Measured<'a> {
     /// The equations that were solved. States have been renewed since: terms read them as they were.
     pub(super) fn solved(&self) -> System {
         let mut system = self.system.clone();
-        let known = &mut system.known;
-        let is_state = |field: &Field| field.kind == FieldKind::State;
-        for (k, _) in self.system.fields.iter().enumerate().filter(|(_, f)| is_state(f)) {
-            if let Some(past) = &known.previous {
-                known.data[k].clone_from(&past.data[k]);
-            }
-        }
+        system.recall_states();
         system
     }
 

@@ -104,7 +104,7 @@ impl Scene {
         for (name, expression) in expressions {
             for (target, law) in maker.homes(&bodies, &faces, expression) {
                 let made = Value::new(law, backend).map_err(|e| e.to_string()).and_then(|value| {
-                    let value = value.at_step(state.system.known.step(state.time, state.increment));
+                    let value = value.at_step(state.system.step_at(state.time, state.increment));
                     let wanted = Wanted { name, home: &home(target, &bodies), at };
                     self.sample(wanted, target, &value, &mut places, state)
                 });

@@ -22,7 +22,7 @@ use super::{
     terms::{self, PlacedLaw, Rules},
 };
 use crate::{
-    assemble::{Domain, FieldValues},
+    assemble::Domain,
     field::{Field, FieldSpace},
     mesh::{Mesh, RegionSet},
     point_space::PointSpace,
@@ -51,17 +51,16 @@ impl StateUpdate {
     /// Its next values, in the order of its nodes, from the solution `u` at the end of a step. Points without an image
     /// under the mapping of the update keep theirs.
     pub fn next(&self, system: &System, time: f64, increment: f64, u: &[f64]) -> Vec<f64> {
-        let value = self.value.at_step(system.known.step(time, increment));
-        let current = system.slices(u);
-        let previous = system.previous_slices();
-        let values = FieldValues { current: &current, previous: &previous, rates: system.known.rates.as_ref() };
+        let value = self.value.at_step(system.step_at(time, increment));
+        let state = system.values(u);
+        let values = state.view();
         let Some(nodes) = &self.nodes else {
             let mut next = Vec::with_capacity(system.fields[self.field].n_dofs());
             // points come in the order in which the nodes were numbered
             value.for_each_point(&system.mesh, &self.sampled, values, |_, _, _, _, v| next.extend_from_slice(v));
             return next;
         };
-        let (mut next, mut nodes) = (system.known.data[self.field].clone(), nodes.iter());
+        let (mut next, mut nodes) = (system.data()[self.field].clone(), nodes.iter());
         value.for_each_point(&system.mesh, &self.sampled, values, |_, _, _, _, v| {
             if let Some(node) = nodes.next() {
                 next[*node as usize * v.len()..][..v.len()].copy_from_slice(v);

@@ -171,7 +171,7 @@ impl Known {
 
 /// Whether a step of a scene depends on those before it.
 pub(crate) fn remembers(scene: &Scene) -> bool {
-    scene.system.known.previous.is_some() || !scene.states.is_empty()
+    scene.system.past().is_some() || !scene.states.is_empty()
 }
 
 /// What is the same for all runs.

@@ -29,7 +29,7 @@ pub struct Audit {
 /// # Errors
 /// A term without a finite value at one of the states.
 pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, String> {
-    let reads_past = scene.system.known.previous.is_some() || !scene.states.is_empty();
+    let reads_past = scene.system.past().is_some() || !scene.states.is_empty();
     if reads_past && steps.iter().any(|s| !s.parts().is_empty()) {
         return Ok(None);
     }
@@ -40,7 +40,7 @@ pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, S
         if number == 0 {
             set_data(scene, time, increment)?;
         }
-        scene.system.known.keep(&before);
+        scene.system.end_step(&before);
         set_data(scene, time, increment)?;
         scene.system.begin_step(time, increment).map_err(|e| e.to_string())?;
         if !(number == 0 && scene.steps.from_start) {
@@ -51,7 +51,7 @@ pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, S
                 states.iter_mut().map(|s| s.next(system, time, increment, &step.state)).collect()
             };
             for (state, values) in scene.states.iter().zip(next) {
-                scene.system.known.data[state.field] = values;
+                scene.system.set_data(state.field, values);
             }
         }
         let is_given = number == 0 && scene.steps.from_start;
@@ -70,7 +70,7 @@ fn start(scene: &mut Scene, steps: &[StepResult]) -> Result<Vec<f64>, String> {
         let values = value.at(&at, time, 0.0).map_err(|_| "a first guess without a value")?;
         match scene.system.numbering.starts[*field] {
             Some(first) => u[first..first + values.len()].copy_from_slice(&values),
-            None => scene.system.known.data[*field] = values,
+            None => scene.system.set_data(*field, values),
         }
     }
     Ok(u)
@@ -84,7 +84,7 @@ fn set_data(scene: &mut Scene, time: f64, increment: f64) -> Result<(), String> 
     for (field, value) in &mut scene.data {
         let positions = positions(scene.system.fields.get(*field));
         let values = value.at(&positions, time, increment).map_err(|_| "data without a value")?;
-        scene.system.known.data[*field] = values;
+        scene.system.set_data(*field, values);
     }
     Ok(())
 }

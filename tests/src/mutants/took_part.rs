@@ -102,7 +102,7 @@ fn step_traces(
     for k in 0..scene.data.len() {
         let at = positions(scene, scene.data[k].0);
         let (field, value) = &mut scene.data[k];
-        scene.system.known.data[*field] = value.at(&at, time, increment).ok()?;
+        scene.system.set_data(*field, value.at(&at, time, increment).ok()?);
     }
     for k in 0..scene.starts.len() {
         let at = positions(scene, scene.starts[k].0);

@@ -49,7 +49,7 @@ fn check(what: &str, path: &Path) -> Result<Case, String> {
     for (field, given) in &mut scene.data {
         let f = &scene.system.fields[*field];
         let positions: Vec<[f64; 3]> = (0..f.n_nodes()).map(|n| f.node_position(n)).collect();
-        scene.system.known.data[*field] = given.at(&positions, time, 0.5).map_err(|e| e.to_string())?;
+        scene.system.set_data(*field, given.at(&positions, time, 0.5).map_err(|e| e.to_string())?);
     }
     scene.system.begin_step(time, 0.5).map_err(|e| e.to_string())?;
     let mut random = Sequence(0x9e37_79b9_7f4a_7c15);

@@ -166,7 +166,7 @@ pub(crate) fn with_rule_and_states(
     let mut values = Vec::new();
     for state in states {
         let points = PointSpace::new(&system.mesh, &domain);
-        let first = system.known.data[state].get(..fields[state].n_components)?;
+        let first = system.data()[state].get(..fields[state].n_components)?;
         values.push((state, first.repeat(points.coordinates().len())));
         fields[state].space = FieldSpace::Points(points);
     }
@@ -190,6 +190,6 @@ fn interpreted(system: &System, term: &AssembledTerm, fields: &[Field], domain: 
     let integrator = Integrator { domain, binding: Arc::new(binding) };
     let mut made = AssembledTerm::new(law, integrator, None, residual, tangent, &system.numbering.starts);
     let (time, increment) = system.step();
-    made.set_step(system.known.step(time, increment));
+    made.set_step(system.step_at(time, increment));
     Some(made)
 }

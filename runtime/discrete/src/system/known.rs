@@ -1,5 +1,8 @@
 //! What a step knows beside the unknowns: data, states, the past, rates.
 
+use wfl_compiler::types::FieldKind;
+
+use super::System;
 use crate::rates::{RateFactors, Rates, StepAt};
 
 /// Values that do not follow from the unknowns: known fields, and the past where a scene uses it.
@@ -32,8 +35,7 @@ impl Known {
         }
     }
 
-    /// What is known now, and the unknowns `u`, become the end of the previous step.
-    pub fn keep(&mut self, u: &[f64]) {
+    fn keep(&mut self, u: &[f64]) {
         if let Some(past) = &mut self.previous {
             if let Some(rates) = &mut self.rates {
                 rates.keep(u, &past.unknowns);
@@ -42,23 +44,93 @@ impl Known {
             past.data.clone_from(&self.data);
         }
     }
+}
+
+/// What others read and set of it.
+impl System {
+    /// What is known beside the unknowns.
+    #[must_use]
+    pub fn known(&self) -> &Known {
+        &self.known
+    }
+
+    /// Takes over what was known to these equations, or to a copy of them.
+    pub fn set_known(&mut self, known: &Known) {
+        self.known.clone_from(known);
+    }
+
+    /// Values of data, states and fields without terms, by field; empty for fields that are solved for.
+    #[must_use]
+    pub fn data(&self) -> &[Vec<f64>] {
+        &self.known.data
+    }
+
+    /// The values of one of these fields.
+    pub fn data_mut(&mut self, field: usize) -> &mut Vec<f64> {
+        &mut self.known.data[field]
+    }
+
+    /// Gives one of these fields its values.
+    pub fn set_data(&mut self, field: usize, values: Vec<f64>) {
+        self.known.data[field] = values;
+    }
+
+    /// The end of the previous step, if something reads it.
+    #[must_use]
+    pub fn past(&self) -> Option<&Past> {
+        self.known.previous.as_ref()
+    }
+
+    /// Rates that are more than differences, if the scene has some.
+    #[must_use]
+    pub fn rates(&self) -> Option<&Rates> {
+        self.known.rates.as_ref()
+    }
+
+    /// The same, to be changed.
+    pub fn rates_mut(&mut self) -> Option<&mut Rates> {
+        self.known.rates.as_mut()
+    }
+
+    /// The rates, to be changed, and the end of the previous step.
+    pub fn rates_and_past(&mut self) -> Option<(&mut Rates, &Past)> {
+        self.known.rates.as_mut().zip(self.known.previous.as_ref())
+    }
+
+    /// Takes over rates of these equations, or of a copy of them.
+    pub fn set_rates(&mut self, rates: Option<&Rates>) {
+        self.known.rates = rates.cloned();
+    }
+
+    /// States become those at the end of the previous step: terms read them so while its equations were solved.
+    pub fn recall_states(&mut self) {
+        let Some(past) = &self.known.previous else { return };
+        for (k, _) in self.fields.iter().enumerate().filter(|(_, f)| f.kind == FieldKind::State) {
+            self.known.data[k].clone_from(&past.data[k]);
+        }
+    }
+
+    /// What is known now, and the unknowns `u`, become the end of the previous step.
+    pub fn end_step(&mut self, u: &[f64]) {
+        self.known.keep(u);
+    }
 
     /// A step with the scalars of the present rates.
     #[must_use]
-    pub fn step(&self, time: f64, increment: f64) -> StepAt {
-        StepAt { time, increment, factors: self.rates.as_ref().map_or_else(RateFactors::default, Rates::factors) }
+    pub fn step_at(&self, time: f64, increment: f64) -> StepAt {
+        StepAt { time, increment, factors: self.rates().map_or_else(RateFactors::default, Rates::factors) }
     }
 
     /// Rates of a step of this length.
     pub fn begin_rates(&mut self, increment: f64) {
-        if let Some(rates) = &mut self.rates {
+        if let Some(rates) = self.rates_mut() {
             rates.begin(increment);
         }
     }
 
     /// Rates that are those at the end of the last step, whatever the unknowns are.
     pub fn hold_rates(&mut self) {
-        if let Some(rates) = &mut self.rates {
+        if let Some(rates) = self.rates_mut() {
             rates.hold();
         }
     }
