@@ -183,7 +183,8 @@ impl Stepper {
         }
         let solution = joined(&end, self.next_states.iter().map(Vec::as_slice));
         let mut errors = self.adaptive(rules).errors(scene, rules, increment, &solution, &[]);
-        if errors.is_some_and(|e| e.largest() > 1.0) {
+        // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
+        if errors.is_some_and(|e| e.largest() > 1.0) && !history.solves.is_empty() {
             // a field that is zero but for rounding has no error to be made smaller
             let rounding = self.rounding(scene, u).unwrap_or_default();
             errors = self.adaptive(rules).errors(scene, rules, increment, &solution, &rounding);

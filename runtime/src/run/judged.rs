@@ -72,7 +72,9 @@ impl Run {
         let Solving { system, contact, .. } = scene;
         let state = Solved { system, contact, tangent, u: &self.u, residual: &residual };
         let left = history.iterations.last().map_or(0.0, |i| i.residual);
-        let mut digits = || checks::digits(state, solver, history.correction);
+        // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
+        let is_solved = !history.solves.is_empty();
+        let mut digits = || if is_solved { checks::digits(state, solver, history.correction) } else { None };
         let (accuracy, conditions) = if system.team().is_alone() {
             rayon::join(digits, || checks::conditions(state, left))
         } else {
