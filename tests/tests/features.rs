@@ -206,3 +206,19 @@ fn rollers_do_not_depend_on_cells_or_axes() {
     let odd = message(scene, &[("fix u.Normal = -0.01 on west", "fix u.Normal = -0.01 on all")]);
     assert!(odd.contains("E204"), "{odd}");
 }
+
+/// What acts on the faces of a mapping is in the files: means over the points of each face, and the state of contact.
+#[test]
+fn files_have_the_pressure_on_the_faces_of_a_mapping() {
+    let more = "\noutput vtk \"faces\" : pos_part(Pn) as pressure, Interpolate(uL, below) as under\n";
+    let text = format!("{}{more}", text("mapping/pressed.wfl"));
+    let solved = run(&folder("mapping/pressed.wfl"), text).expect("a run");
+    let Solved { scene, outcome } = &solved;
+    let output = scene.vtk.iter().find(|o| o.file == "faces").expect("an output");
+    let values = scene.system.values(&outcome.steps[0].state);
+    let pieces: Vec<_> = output.pieces.iter().map(|p| p.sample(&scene.system.mesh, 1.0, 1.0, values.view())).collect();
+    let [piece] = pieces.as_slice() else { panic!("one region of faces has both") };
+    let array = |name: &str| piece.cell_data.iter().find(|a| a.name == name).expect("an array");
+    assert!(array("pressure").values.iter().all(|p| (p - 10.0).abs() < 1e-8), "{:?}", array("pressure").values);
+    assert!(array("under").components == 2 && array("under").values.iter().all(|u| u.is_finite()));
+}

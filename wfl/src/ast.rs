@@ -509,6 +509,15 @@ pub enum ItemKind {
         /// At which points.
         at: MeasureAt,
     },
+    /// `measure k = F/d`, or `measure k = integral(a)/integral(b) on r`
+    Computed {
+        /// Its name.
+        name: Ident,
+        /// Of what: measures, parameters, the step variable, reductions.
+        expr: Expr,
+        /// Where reductions are taken.
+        places: Vec<Ident>,
+    },
     /// `balance b of p, q`
     Balance {
         /// Its name.

@@ -83,6 +83,7 @@ pub fn resolve(
         expander: Expander::new(sources, defs()),
         words: BTreeSet::new(),
         regions: BTreeSet::new(),
+        reduces: false,
         diagnostics,
         complete,
         script: ResolvedScript { lost, ..empty(main) },
@@ -123,6 +124,7 @@ fn empty(main: SourceId) -> ResolvedScript {
         scheme: None,
         quadratures: Vec::new(),
         measures: Vec::new(),
+        computed: Vec::new(),
         balances: Vec::new(),
         events: Vec::new(),
         expects: Vec::new(),
@@ -144,6 +146,8 @@ struct Resolver<'d> {
     /// Regions that some statement names.
     regions: BTreeSet<String>,
     diagnostics: Vec<Diagnostic>,
+    /// Reductions, such as `integral(V)`, may stand in the expressions that are read now.
+    reduces: bool,
     /// Every statement could be read.
     complete: bool,
     script: ResolvedScript,
@@ -215,6 +219,7 @@ impl<'d> Resolver<'d> {
         let mut kept: BTreeSet<&str> = s.params.iter().map(|p| p.name.name.as_str()).collect();
         kept.extend(s.fields.iter().map(|f| f.name.name.as_str()));
         kept.extend(s.measures.iter().map(|m| m.name.name.as_str()));
+        kept.extend(s.computed.iter().map(|m| m.name.name.as_str()));
         kept.extend(s.mappings.iter().map(|m| m.name.name.as_str()));
         kept.extend(s.macros.iter().map(|m| m.name.name.as_str()));
         kept.extend(s.steps.iter().map(|t| t.variable.name.as_str()));

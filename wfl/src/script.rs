@@ -59,6 +59,8 @@ pub struct ResolvedScript {
     pub measures: Vec<Measure>,
     /// What is added up; its numbers are measures, too.
     pub balances: Vec<Balance>,
+    /// Numbers that measures make.
+    pub computed: Vec<Computed>,
     /// What begins and ends during the steps.
     pub events: Vec<Event>,
     /// Conditions that must hold at the end.
@@ -405,6 +407,30 @@ impl Balance {
         let ends = [("in", BalancePart::In), ("out", BalancePart::Out)].into_iter();
         ends.chain(terms).chain([("lost", BalancePart::Lost)])
     }
+}
+
+impl ResolvedScript {
+    /// All that is reduced to a number at a state: measures, and what stands in the limit of an increment, in events and in
+    /// numbers that measures make.
+    pub fn reductions(&self) -> impl Iterator<Item = &Measure> {
+        let limits = self.steps.iter().flat_map(|s| &s.watched);
+        let events = self.events.iter().flat_map(|e| &e.watched);
+        let computed = self.computed.iter().flat_map(|c| &c.watched);
+        self.measures.iter().chain(limits).chain(events).chain(computed)
+    }
+}
+
+/// `measure k = F/d`: a number that measures make.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Computed {
+    /// Its name.
+    pub name: Ident,
+    /// The number: arithmetic of measures, parameters and the step variable.
+    pub expr: Expr,
+    /// Reductions that stand in it, by the names that stand in their place.
+    pub watched: Vec<Measure>,
+    /// The statement.
+    pub span: Span,
 }
 
 /// `event ...`: it lasts while the left side is larger than the right one.

@@ -76,7 +76,8 @@ pub fn unit_report(script: &ResolvedScript, sources: &SourceMap) -> Vec<UnitOf> 
     }
     let fields = script.fields.iter().map(|f| &f.name.name);
     let quantities = script.outputs.iter().flat_map(|o| &o.items).map(|q| &q.name);
-    for name in fields.chain(script.measures.iter().map(|m| &m.name.name)).chain(quantities) {
+    let computed = script.computed.iter().map(|m| &m.name.name);
+    for name in fields.chain(script.measures.iter().map(|m| &m.name.name)).chain(computed).chain(quantities) {
         if report.iter().any(|known| known.name == *name) {
             continue;
         }

@@ -39,6 +39,8 @@ pub struct Chart {
     flat: bool,
     /// Directions of the axes of space in the view, to the right and up, in place of a pair of axes.
     triad: Option<[[f64; 2]; 3]>,
+    /// Corners of a rectangle that the axes hold, whatever is drawn.
+    room: Option<[[f64; 2]; 2]>,
 }
 
 impl Chart {
@@ -59,6 +61,7 @@ impl Chart {
             subtitle: None,
             flat: false,
             triad: None,
+            room: None,
         }
     }
 
@@ -172,6 +175,13 @@ impl Chart {
     #[must_use]
     pub fn triad(mut self, axes: [[f64; 2]; 3]) -> Self {
         self.triad = Some(axes);
+        self
+    }
+
+    /// The axes hold the rectangle between two corners, whatever is drawn: charts that follow each other have the same ones.
+    #[must_use]
+    pub fn room(mut self, low: [f64; 2], high: [f64; 2]) -> Self {
+        self.room = Some([low, high]);
         self
     }
 

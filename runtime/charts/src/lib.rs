@@ -17,6 +17,7 @@
 mod bars;
 mod chart;
 mod colour;
+mod film;
 mod glyphs;
 mod map;
 mod marks;
@@ -30,6 +31,7 @@ mod text;
 pub use bars::Bar;
 pub use chart::Chart;
 pub use colour::{Colour, Ramp, viridis};
+pub use film::film;
 pub use map::{Edge, Face, MapCell};
 pub use page::{Page, Section, Table};
 pub use raster::PngError;

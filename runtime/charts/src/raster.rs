@@ -38,6 +38,8 @@ pub enum PngError {
     Size([usize; 2]),
     /// The encoder refuses.
     Encoding(png::EncodingError),
+    /// The encoder of films refuses.
+    Film(gif::EncodingError),
 }
 
 impl std::fmt::Display for PngError {
@@ -45,6 +47,7 @@ impl std::fmt::Display for PngError {
         match self {
             PngError::Size([w, h]) => write!(f, "a picture of {w} by {h} pixels cannot be made"),
             PngError::Encoding(e) => e.fmt(f),
+            PngError::Film(e) => e.fmt(f),
         }
     }
 }
@@ -53,6 +56,18 @@ impl std::error::Error for PngError {}
 
 /// The PNG file of marks on a ground of this size in units.
 pub(crate) fn png(marks: &[Mark], size: [f64; 2]) -> Result<Vec<u8>, PngError> {
+    let Pixels { rgb, size } = pixels(marks, size)?;
+    smaller(&rgb, size, png::ColorType::Rgb)
+}
+
+/// Three bytes a pixel, row by row from the top, with width and height.
+pub(crate) struct Pixels {
+    pub(crate) rgb: Vec<u8>,
+    pub(crate) size: [usize; 2],
+}
+
+/// The pixels of marks on a ground of this size in units.
+pub(crate) fn pixels(marks: &[Mark], size: [f64; 2]) -> Result<Pixels, PngError> {
     let [w, h] = pixels_of(size)?;
     let mut canvas = Canvas::new(w * SAMPLES, h * SAMPLES);
     for mark in marks {
@@ -64,7 +79,7 @@ pub(crate) fn png(marks: &[Mark], size: [f64; 2]) -> Result<Vec<u8>, PngError> {
             write_text(&mut pixels, w, class, *at, text, *upright);
         }
     }
-    smaller(&pixels, [w, h], png::ColorType::Rgb)
+    Ok(Pixels { rgb: pixels, size: [w, h] })
 }
 
 /// A PNG file at its place in a chart, in units.

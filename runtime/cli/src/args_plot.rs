@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args as ClapArgs;
-use wfl_report::{Slice, StepChoice, View, Warp};
+use wfl_report::{Over, Slice, StepChoice, View, Warp};
 
 pub(crate) const PLOT_HELP: &str = "\
 A field is the name of an array of `output vtk`, or the common beginning of several: `u` is uL and uR. Parts: of a vector
@@ -11,19 +11,31 @@ magnitude (if none is named), x, y, z; of a tensor vonmises (if none is named), 
 Fields of an interface (slip, traction, `state` for the contact state) are drawn in its plane or along it; parts: along,
 across. Without --png and --svg a PNG named after the field is written to the current folder.
 
+Of two folders the difference is drawn, the first run minus the second one, on the mesh that both have; with --line a
+curve of each. --over draws measures of any number of runs, a curve each.
+
 Examples:
   wfl plot out/nitsche
   wfl plot out/nitsche --field stress:vonmises --step 10 --warp 200 --png stress.png
   wfl plot out/nitsche --field stress:yy --slice x=0.5 --svg slice.svg
   wfl plot out/nitsche --field u:z --line -1,2,2:1,2,2 --png profile.png
-  wfl plot out/nitsche --field state --png contact.png";
+  wfl plot out/nitsche --field state --png contact.png
+  wfl plot out/nitsche out/penalty --field u:z --png difference.png
+  wfl plot out/nitsche out/penalty --over Fn:t --with measured.csv --png curve.png
+  wfl plot out/nitsche --field slip --film slip.gif";
 
 /// What is drawn, and where it goes.
 #[derive(Debug, ClapArgs)]
 pub(crate) struct PlotArgs {
-    /// The folder that `wfl run` wrote
-    #[arg(value_name = "OUT")]
-    pub(crate) folder: PathBuf,
+    /// The folder that `wfl run` wrote; of two the difference, of more with --over
+    #[arg(value_name = "OUT", required = true)]
+    pub(crate) folders: Vec<PathBuf>,
+    /// A measure over another one, or over the step variable: a curve through the steps of each run
+    #[arg(long, value_name = "UP:RIGHT", value_parser = over, conflicts_with_all = ["field", "step", "slice", "line", "film"])]
+    pub(crate) over: Option<Over>,
+    /// Points beside the curves of --over: the first two columns of a CSV file with a line of names
+    #[arg(long, value_name = "CSV", requires = "over")]
+    pub(crate) with: Vec<PathBuf>,
     /// The field and a part of it, such as stress:vonmises [default: the displacement, or the first field]
     #[arg(long, value_name = "FIELD[:PART]")]
     pub(crate) field: Option<String>,
@@ -48,6 +60,12 @@ pub(crate) struct PlotArgs {
     /// Leave out the edges of the mesh
     #[arg(long)]
     pub(crate) no_mesh: bool,
+    /// Write all steps as a film: .gif, or .mp4 and .webm where ffmpeg is installed
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["png", "svg"])]
+    pub(crate) film: Option<PathBuf>,
+    /// Pictures of a film in a second
+    #[arg(long, value_name = "NUMBER", default_value = "5", value_parser = clap::value_parser!(u16).range(1..=50), requires = "film")]
+    pub(crate) rate: u16,
     /// Write a PNG file
     #[arg(long, value_name = "FILE")]
     pub(crate) png: Option<PathBuf>,
@@ -65,6 +83,11 @@ fn step(text: &str) -> Result<StepChoice, String> {
             number.parse().map(StepChoice::Number).map_err(|_| "it is `last`, `all` or the number of a step".into())
         }
     }
+}
+
+/// `F:d`.
+fn over(text: &str) -> Result<Over, String> {
+    Over::read(text).ok_or_else(|| "it is two names, as in `F:d`".to_owned())
 }
 
 /// `auto`, or a number.

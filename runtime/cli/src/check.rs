@@ -397,6 +397,11 @@ fn measures(loaded: &Loaded) -> Table {
         };
         table.push(vec![m.name.name.clone().into(), what.into(), on.into(), line(loaded, m.expr.span)]);
     }
+    for m in &loaded.script.computed {
+        let on = m.watched.iter().flat_map(|w| &w.places).map(|p| p.name.clone()).collect::<BTreeSet<_>>();
+        let on: Vec<Value> = on.into_iter().map(Value::from).collect();
+        table.push(vec![m.name.name.clone().into(), "number".into(), on.into(), line(loaded, m.expr.span)]);
+    }
     table
 }
 

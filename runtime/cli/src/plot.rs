@@ -1,12 +1,14 @@
 //! `wfl plot`.
 
+mod film;
+
 use std::{
     io::Read as _,
     path::{Path, PathBuf},
     process::ExitCode,
 };
 
-use wfl_report::{Picture, PlotError, Request, RunFolder, plots};
+use wfl_report::{Picture, PlotError, Request, RunFolder, StepChoice, over, plots};
 
 use crate::{
     args_plot::PlotArgs,
@@ -37,10 +39,24 @@ fn made(args: &PlotArgs) -> Result<String, String> {
             return Err(format!("error: {name} is no name of a .{ending} file\n{help}"));
         }
     }
-    let run = RunFolder::read(&args.folder).map_err(|e| explained(&e))?;
+    let mut runs = Vec::with_capacity(args.folders.len());
+    for folder in &args.folders {
+        runs.push(RunFolder::read(folder).map_err(|e| explained(&e))?);
+    }
+    if let Some(pair) = &args.over {
+        let tables: Vec<&Path> = args.with.iter().map(PathBuf::as_path).collect();
+        return written(args, &[over(&runs, pair, &tables).map_err(|e| told(&e))?]);
+    }
+    if runs.len() > 2 {
+        let help = "  = help: two folders are drawn as their difference, more with --over\n";
+        return Err(format!("error: {} folders\n{help}", runs.len()));
+    }
+    let other = if runs.len() == 2 { runs.pop() } else { None };
+    let Some(run) = runs.pop() else { return Err("error: no folder\n".to_owned()) };
+    let run = if let Some(other) = other { run.minus(other) } else { run };
     let request = Request {
         field: args.field.clone(),
-        step: args.step,
+        step: if args.film.is_some() { StepChoice::All } else { args.step },
         warp: args.warp,
         slice: args.slice.or(args.line),
         view: args.view,
@@ -48,9 +64,17 @@ fn made(args: &PlotArgs) -> Result<String, String> {
         no_mesh: args.no_mesh,
     };
     let pictures = plots(&run, &request).map_err(|e| told(&e))?;
+    match &args.film {
+        Some(file) => film::write(file, &pictures, args.rate),
+        None => written(args, &pictures),
+    }
+}
+
+/// Writes pictures; says which files, or why not.
+fn written(args: &PlotArgs, pictures: &[Picture]) -> Result<String, String> {
     let several = pictures.len() > 1;
     let mut said = String::new();
-    for picture in &pictures {
+    for picture in pictures {
         for (file, kind) in files(args, picture, several) {
             let bytes = match kind {
                 Kind::Svg => picture.chart.svg().into_bytes(),
@@ -90,7 +114,7 @@ fn files(args: &PlotArgs, picture: &Picture, several: bool) -> Vec<(PathBuf, Kin
 }
 
 /// Writes a picture under its name, whole or not at all. It takes the place of a picture only.
-fn write(file: &Path, bytes: &[u8]) -> Result<(), String> {
+pub(crate) fn write(file: &Path, bytes: &[u8]) -> Result<(), String> {
     if std::fs::symlink_metadata(file).is_ok() && !is_picture(file) {
         return Err(format!(
             "error: {} is there already and is no picture: it stays as it is\n  = help: name another file\n",
@@ -112,7 +136,10 @@ fn is_picture(file: &Path) -> bool {
     let mut start = Vec::new();
     let regular = std::fs::symlink_metadata(file).is_ok_and(|m| m.is_file());
     let read = regular && std::fs::File::open(file).and_then(|f| f.take(8).read_to_end(&mut start)).is_ok();
-    read && (start.is_empty() || start.starts_with(b"\x89PNG") || start.starts_with(b"<svg"))
+    let kinds: [&[u8]; 4] = [b"\x89PNG", b"<svg", b"GIF8", b"\x1aE\xdf\xa3"];
+    // the kind of an mp4 file stands behind the length of its first box
+    let is_film = start.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp"));
+    read && (start.is_empty() || is_film || kinds.iter().any(|kind| start.starts_with(kind)))
 }
 
 fn told(error: &PlotError) -> String {

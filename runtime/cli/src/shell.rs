@@ -1,5 +1,4 @@
-//! `wfl lsp`, `wfl completions` and `wfl man`: what is built with the feature `lsp` only, so that the default build does not
-//! pay for it.
+//! `wfl lsp`, `wfl completions` and `wfl man`: what is built with the feature `lsp`, which the default build has.
 
 use std::{path::Path, process::ExitCode};
 
@@ -81,7 +80,7 @@ mod built {
     }
 
     fn missing(what: &str) -> ExitCode {
-        say(&format!("error: this wfl is built without {what}: cargo install --path runtime/cli --features lsp\n"));
+        say(&format!("error: this wfl is built without {what}: cargo install --path runtime/cli\n"));
         ExitCode::from(EXIT_ERROR)
     }
 }

@@ -274,3 +274,107 @@ fn what_cannot_be_drawn_is_refused_with_what_there_is() {
     folder.run(&STRETCHED.replace("output vtk \"bar\" : u, E*Sym(Grad_u) as stress", ""));
     folder.refused(&[], &["wrote no fields", "output vtk"]);
 }
+
+/// A bar that is stretched in ten steps by a stiffness that is a parameter.
+const LOOP: &str = "wfl 1
+param E = 100 [MPa]
+mesh box [0,0] to [2,1] cells [4,2] quad
+region west  = faces where x == 0
+region east  = faces where x == 2
+region south = faces where y == 0
+unknown u : vector [mm]
+term bulk on all : E*Sym(Grad_u):Grad_Test_u
+fix u(1) = 0 on west
+fix u(2) = 0 on south
+fix u(1) = 0.01*t on east
+steps t = 1 to 4 by 1
+measure F = reaction(u(1)) on west
+measure d = max(u(1)) on east
+output vtk \"bar\" : u
+";
+
+impl Folder {
+    /// The scene with a parameter, run into a folder of its own.
+    fn run_with(&self, set: &str, out: &str) {
+        self.write("loop.wfl", LOOP);
+        let done = self.wfl(&["run", "loop.wfl", set, "--out", out]);
+        assert!(done.status.success(), "{}", stderr(&done));
+    }
+
+    fn said(&self, words: &[&str]) -> String {
+        let done = self.wfl(words);
+        assert!(done.status.success(), "{words:?}: {}", stderr(&done));
+        String::from_utf8_lossy(&done.stdout).into_owned()
+    }
+
+    fn told(&self, words: &[&str]) -> String {
+        let done = self.wfl(words);
+        assert_eq!(done.status.code(), Some(1), "{words:?}");
+        stderr(&done)
+    }
+}
+
+#[test]
+fn measures_over_measures_are_curves_of_several_runs() {
+    let folder = Folder::new("plot-over");
+    folder.run_with("E=100", "soft");
+    folder.run_with("E=200", "stiff");
+    folder.write("measured.csv", "d,F\n0.01,-0.5\n0.04,-2");
+    let words = ["plot", "soft", "stiff", "--over", "F:d", "--with", "measured.csv", "--svg", "p.svg"];
+    folder.said(&words);
+    let svg = std::fs::read_to_string(folder.0.join("p.svg")).expect("a picture");
+    for word in ["F over d", "soft", "stiff", "measured"] {
+        assert!(svg.contains(word), "{word}");
+    }
+    // a point of each run and one that was measured, as they are pointed at
+    let forces = [("soft", -0.5), ("stiff", -1.0)];
+    for (name, force) in forces {
+        let found = svg.split("<title>").filter(|part| part.starts_with(name)).count();
+        assert!(found >= 4, "{name}, {force}: {found}");
+    }
+    folder.said(&["plot", "soft", "--over", "F:t"]);
+    assert!(folder.0.join("F_over_t.png").exists());
+    let told = folder.told(&["plot", "soft", "--over", "q:d"]);
+    assert!(told.contains("no measure `q`") && told.contains("there is F, d, t"), "{told}");
+    let told = folder.told(&["plot", "soft", "--over", "F:d", "--with", "none.csv"]);
+    assert!(told.contains("none.csv"), "{told}");
+}
+
+#[test]
+fn of_two_runs_the_difference_is_drawn_or_both_along_a_line() {
+    let folder = Folder::new("plot-two");
+    folder.run_with("E=100", "a");
+    folder.run_with("E=200", "b");
+    // displacements are prescribed: the same in both runs but for rounding
+    let said = folder.said(&["plot", "a", "b", "--field", "u:x", "--svg", "d.svg"]);
+    assert!(said.contains("d.svg"), "{said}");
+    let svg = std::fs::read_to_string(folder.0.join("d.svg")).expect("a picture");
+    assert!(svg.contains("a − b"), "the title names both");
+    folder.said(&["plot", "a", "b", "--field", "u:x", "--line", "0,0.5:2,0.5", "--svg", "l.svg"]);
+    let text = LOOP.replace("cells [4,2]", "cells [5,2]");
+    folder.write("finer.wfl", text);
+    assert!(folder.wfl(&["run", "finer.wfl", "--out", "c"]).status.success());
+    let told = folder.told(&["plot", "a", "c", "--field", "u:x"]);
+    assert!(told.contains("no mesh in common") && told.contains("--line"), "{told}");
+    folder.said(&["plot", "a", "c", "--field", "u:x", "--line", "0,0.5:2,0.5", "--svg", "l.svg"]);
+    let told = folder.told(&["plot", "a", "b", "c"]);
+    assert!(told.contains("3 folders") && told.contains("--over"), "{told}");
+}
+
+#[test]
+fn a_film_has_a_picture_of_each_step() {
+    let folder = Folder::new("plot-film");
+    folder.run_with("E=100", "a");
+    folder.said(&["plot", "a", "--film", "bar.gif", "--rate", "10"]);
+    let bytes = std::fs::read(folder.0.join("bar.gif")).expect("a film");
+    assert!(bytes.starts_with(b"GIF89a"));
+    // a graphic control block a frame, with the delay in hundredths of a second
+    let frames = bytes.windows(6).filter(|w| w[..3] == [0x21, 0xf9, 4] && w[4..6] == [10, 0]).count();
+    assert_eq!(frames, 4);
+    let told = folder.told(&["plot", "a", "--film", "bar.avi"]);
+    assert!(told.contains("bar.gif"), "{told}");
+    folder.write("one.wfl", LOOP.replace("steps t = 1 to 4 by 1", "steps t = 1 to 1 by 1"));
+    assert!(folder.wfl(&["run", "one.wfl", "--out", "one"]).status.success());
+    let told = folder.told(&["plot", "one", "--film", "one.gif"]);
+    assert!(told.contains("one picture"), "{told}");
+}

@@ -251,6 +251,7 @@ impl<'a> Reader<'a> {
             | ItemKind::Solver { .. }
             | ItemKind::Quadrature { .. } => self.request(&item.kind),
             ItemKind::Measure { .. }
+            | ItemKind::Computed { .. }
             | ItemKind::Balance { .. }
             | ItemKind::Event { .. }
             | ItemKind::Expect(_)
@@ -392,6 +393,11 @@ impl<'a> Reader<'a> {
                 if let MeasureAt::Point(x) = at {
                     self.expr(x);
                 }
+            }
+            ItemKind::Computed { name, expr, places } => {
+                self.declare(name, Kind::Measure);
+                self.expr(expr);
+                self.regions(places);
             }
             ItemKind::Balance { name, fields } => {
                 self.declare(name, Kind::Measure);

@@ -132,3 +132,40 @@ def test_the_stub_names_what_the_library_has():
             named = {n.name for n in found.body if isinstance(n, ast.FunctionDef)} - {"__init__"}
             named |= {n.target.id for n in found.body if isinstance(n, ast.AnnAssign)}
             assert own == named, found.name
+
+
+BAR = """wfl 1
+param E = 100
+mesh box [0] to [2] cells [4] segment
+region west = faces where x == 0
+region east = faces where x == 2
+unknown u : scalar
+term bar on all : E*Grad_u.Grad_Test_u
+fix u = 0 on west
+fix u = 0.1*t on east
+steps t = 1 to 2 by 1
+measure F = reaction(u) on west
+measure k = abs(F)/(0.1*t)
+"""
+
+
+def test_measures_are_a_table_of_pandas():
+    result = wfl.Scene.from_text(BAR).run()
+    table = result.to_pandas()
+    assert list(table.index) == [1.0, 2.0] and list(table.columns) == ["F", "k"]
+    assert np.array_equal(result.times, [1.0, 2.0])
+    assert np.allclose(table["k"], 50.0, rtol=1e-12)
+
+
+def test_a_sweep_runs_every_combination_and_leaves_the_scene_as_it_was():
+    scene = wfl.Scene.from_text(BAR, E=300)
+    table = scene.sweep(E=[100, 200], degree=[1, 2])
+    assert list(table["E"]) == [100, 100, 200, 200] and list(table["degree"]) == [1, 2, 1, 2]
+    assert np.allclose(table["k"], table["E"] / 2, rtol=1e-12) and table["ok"].all()
+    assert list(table["dofs"]) == [5, 9, 5, 9]
+    assert scene.params["E"] == 300 and scene.n_dofs == 5
+    assert np.isclose(scene.run().measures["k"][-1], 150)
+    assert np.isnan(scene.sweep(E=[100], step=7).get("k", np.nan)).all()
+    with pytest.raises(wfl.WflError):
+        scene.sweep(E=[100], nothing=[1])
+    assert scene.params["E"] == 300

@@ -72,6 +72,8 @@ pub struct RunFolder {
     pub(crate) tables: Vec<Series>,
     /// The mesh of a run with a demanded accuracy.
     pub(crate) mesh: Option<PathBuf>,
+    /// Another run, whose numbers are taken off those of this one in pictures of fields.
+    pub(crate) minus: Option<Box<RunFolder>>,
 }
 
 impl RunFolder {
@@ -122,7 +124,19 @@ impl RunFolder {
         let mut tables = series(folder, &report.files, &[".csv"]);
         // the charts over the steps have the measures; tables are lines through the body
         tables.retain(|s| s.steps.iter().all(|(_, file)| !file.ends_with(MEASURES_FILE)));
-        Ok(RunFolder { dir, report, grids, tables, mesh })
+        Ok(RunFolder { dir, report, grids, tables, mesh, minus: None })
+    }
+
+    /// This run with another one, whose numbers are taken off in pictures of fields; lines show both.
+    #[must_use]
+    pub fn minus(self, other: RunFolder) -> Self {
+        Self { minus: Some(Box::new(other)), ..self }
+    }
+
+    /// The name of the folder.
+    pub(crate) fn folder_name(&self) -> String {
+        let path = self.dir.path();
+        path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
     }
 
     /// The folder, to put a page into.

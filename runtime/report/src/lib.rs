@@ -22,4 +22,5 @@ mod table;
 pub use folder::{ReportError, RunFolder};
 pub use pages::Pages;
 pub use picture::Picture;
-pub use plot::{PlotError, Request, Slice, StepChoice, View, Warp, plots};
+pub use plot::{Over, PlotError, Request, Slice, StepChoice, View, Warp, over, plots};
+pub use wfl_charts::film;

@@ -18,6 +18,16 @@ impl Columns {
         if !text.ends_with('\n') {
             return Err(damaged(file, "its last line is cut off"));
         }
+        Self::of(file, &text)
+    }
+
+    /// A table that somebody else has written.
+    pub(crate) fn foreign(file: &Path) -> Result<Self, ReportError> {
+        let text = String::from_utf8(bytes(file)?).map_err(|_| damaged(file, "it is not UTF-8 text"))?;
+        Self::of(file, &text)
+    }
+
+    fn of(file: &Path, text: &str) -> Result<Self, ReportError> {
         let mut lines = text.lines();
         let names = header(lines.next().unwrap_or_default());
         let mut values = vec![Vec::new(); names.len()];

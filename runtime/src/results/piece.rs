@@ -244,9 +244,11 @@ impl SampledPiece {
 impl Item {
     /// Means over the entities: `out[entity * n_components + component]`.
     fn means(&self, value: &Value, mesh: &Mesh, values: FieldValues<'_>) -> Vec<f64> {
-        let (domain, nc) = (&self.sampled.domain, value.n_components());
+        // images may follow the bodies
+        let sampled = self.sampled.at(mesh, values.current);
+        let (domain, nc) = (&sampled.domain, value.n_components());
         let (mut sums, mut sizes) = (vec![0.0; domain.n_entities * nc], vec![0.0; domain.n_entities]);
-        value.for_each_point(mesh, &self.sampled, values, |g, k, _, weight, value| {
+        value.for_each_point(mesh, &sampled, values, |g, k, _, weight, value| {
             let entity = domain.groups[g].entities[k];
             sizes[entity] += weight;
             for (slot, v) in sums[entity * nc..][..nc].iter_mut().zip(value) {

@@ -26,6 +26,14 @@ impl Run {
             measures.push((measure.name.clone(), value));
         }
         measures.extend(self.stepper.energies(scene));
+        let made = computed(scene, &at, time, &measures);
+        bad_measures.extend(
+            made.iter()
+                .zip(&scene.computed)
+                .filter(|((_, value), _)| !value.is_finite())
+                .map(|((name, value), of)| BadMeasure { name: name.clone(), span: of.span, value: *value, at: None }),
+        );
+        measures.extend(made);
         (measures, bad_measures)
     }
 
@@ -54,6 +62,7 @@ impl Run {
         for measure in watched.iter().chain(measures) {
             values.push((measure.name.clone(), measure.evaluate(&at)));
         }
+        values.extend(computed(scene, &at, time, &values));
         values.extend(scene.steps.variable.clone().map(|name| (name, time)));
         // a quotient by zero has no number: a slip rate of zero counts as the smallest one, behind which the increment is free
         let least = |v: f64| if v == 0.0 { f64::MIN_POSITIVE } else { v };
@@ -102,4 +111,21 @@ impl Run {
         }
         bad_prints.into_iter().for_each(|bad| self.add_bad(bad));
     }
+}
+
+/// The numbers that measures make, with `measures` by name, those behind them included.
+fn computed(scene: &Scene, at: &Measured<'_>, time: f64, measures: &[(String, f64)]) -> Vec<(String, f64)> {
+    if scene.computed.is_empty() {
+        return Vec::new();
+    }
+    let mut values = measures.to_vec();
+    values.extend(scene.steps.variable.clone().map(|name| (name, time)));
+    let mut made = Vec::with_capacity(scene.computed.len());
+    for of in &scene.computed {
+        values.extend(of.reductions.iter().map(|m| (m.name.clone(), m.evaluate(at))));
+        let value = scene.number_of(&of.expr, &values).unwrap_or(f64::NAN);
+        values.push((of.name.clone(), value));
+        made.push((of.name.clone(), value));
+    }
+    made
 }

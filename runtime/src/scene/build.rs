@@ -16,8 +16,8 @@ use wfl_compiler::{
 };
 
 use super::{
-    Builder, CsvOutput, DeclaredField, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed, Scene,
-    StateUpdate, Steps, TablesOf, VtkOutput, With,
+    Builder, Computed, CsvOutput, DeclaredField, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed,
+    Scene, StateUpdate, Steps, TablesOf, VtkOutput, With,
     assemble::Assembled,
     batch::Batch,
     constants, constraints, coverage, explicit, fields, idle, mappings, massless, measures, meeting, mesh, options,
@@ -166,6 +166,7 @@ struct Values {
     data: Vec<(usize, Given)>,
     measures: Vec<Measure>,
     watched: Vec<Measure>,
+    computed: Vec<Computed>,
     tables: TablesOf,
 }
 
@@ -263,10 +264,17 @@ impl Builder<'_> {
             let made = self.measures(list, from);
             watched.extend(made.into_iter().map(|m| Measure { name: format!("{owner}{}", m.name), ..m }));
         }
+        let computed = self.script.computed.iter().map(|c| Computed {
+            name: c.name.name.clone(),
+            expr: c.expr.clone(),
+            reductions: self.measures(&c.watched, from),
+            span: c.span,
+        });
+        let computed = computed.collect();
         rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
         self.table_inputs();
         let tables = steps.as_ref().map_or_else(Default::default, |s| self.tables(s));
-        Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, watched, tables }
+        Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, watched, computed, tables }
     }
 
     /// The fields whose values in time have an error: those with a past. Beside unknowns that have one, a state that no term
@@ -287,11 +295,23 @@ impl Builder<'_> {
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
         let Numbered { numbering, mut prescribed, states, used, rates, past, assembled } = numbered;
-        let Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, watched, tables } =
-            values;
+        let Values {
+            steps,
+            newton,
+            accuracy,
+            starts,
+            start_rates,
+            integration,
+            data,
+            measures,
+            watched,
+            computed,
+            tables,
+        } = values;
         let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
-        let of_measures = measures.iter().chain(&watched).any(Measure::reads_past);
+        let in_computed = computed.iter().flat_map(|c| &c.reductions);
+        let of_measures = measures.iter().chain(&watched).chain(in_computed).any(Measure::reads_past);
         let reads_past = !past.is_empty() || of_measures || outputs_read_past(&vtk, csv.iter().chain(&series));
         let steps = steps?;
         if self.mesh.is_whole() {
@@ -321,6 +341,7 @@ impl Builder<'_> {
             states,
             measures,
             balances: self.script.balances.iter().map(|b| b.name.name.clone()).collect(),
+            computed,
             watched,
             prints: self.prints,
             vtk,
@@ -416,10 +437,11 @@ impl Builder<'_> {
 
     /// Files and line samples.
     fn outputs(&mut self, rules: &terms::Rules, steps: Option<&Steps>) -> Outputs {
-        let backend = self.batch;
+        let (backend, mappings) = (self.batch, self.mappings);
         let (parts, diagnostics) = self.parts();
         let law_seconds = Cell::new(0.0);
-        let mut maker = outputs::OutputMaker { parts, rules, backend, steps, diagnostics, law_seconds };
+        let mappings = Some(mappings);
+        let mut maker = outputs::OutputMaker { parts, rules, mappings, backend, steps, diagnostics, law_seconds };
         let (vtk, csv, series) = outputs::outputs(&mut maker);
         Outputs { vtk, csv, series, law_seconds: maker.law_seconds.get() }
     }

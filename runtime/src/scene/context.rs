@@ -38,7 +38,8 @@ fn declared(script: &ResolvedScript) -> impl Iterator<Item = (&Ident, &'static s
     let fields = script.fields.iter().map(move |f| (&f.name, kind(f)));
     let macros = script.macros.iter().map(|m| (&m.name, "def"));
     let measures = script.measures.iter().map(|m| (&m.name, "measure"));
-    params.chain(fields).chain(macros).chain(measures)
+    let computed = script.computed.iter().map(|m| (&m.name, "measure"));
+    params.chain(fields).chain(macros).chain(measures).chain(computed)
 }
 
 /// The nearest name with its line.
@@ -64,7 +65,7 @@ fn place(script: &ResolvedScript, d: &mut Diagnostic) {
     let Some(at) = d.labels.first().map(|l| l.span) else { return };
     let inside = |s: Span| s.source == at.source && s.start <= at.start && at.end <= s.end;
     let terms = script.terms.iter().map(|t| (t.span, &t.places));
-    let measures = script.measures.iter().map(|m| (m.span, &m.places));
+    let measures = script.reductions().map(|m| (m.span, &m.places));
     let Some((_, places)) = terms.chain(measures).find(|s| inside(s.0)) else { return };
     for place in places {
         let start = format!("`{}` is ", place.name);

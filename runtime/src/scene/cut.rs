@@ -73,8 +73,7 @@ pub(super) fn counted(script: &ResolvedScript) -> BTreeMap<&str, Counted> {
             add(list, Counted::Fully);
         }
     }
-    let watched = script.steps.iter().flat_map(|s| &s.watched).chain(script.events.iter().flat_map(|e| &e.watched));
-    for measure in script.measures.iter().chain(watched) {
+    for measure in script.reductions() {
         let counted = match measure.reduction {
             Reduction::Integral => Counted::Fully,
             Reduction::Mean => Counted::Mean,

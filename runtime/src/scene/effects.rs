@@ -175,7 +175,7 @@ impl Builder<'_> {
     fn idle_rules(&mut self, laws: &[PlacedLaw]) {
         let script = self.script;
         let mut used: BTreeSet<&str> = laws.iter().filter(|l| l.at_nodes.is_none()).map(|l| l.place.as_str()).collect();
-        used.extend(script.measures.iter().flat_map(|m| &m.places).map(|p| p.name.as_str()));
+        used.extend(script.reductions().flat_map(|m| &m.places).map(|p| p.name.as_str()));
         for field in script.fields.iter().filter(|f| matches!(f.kind, Declared::State { .. })) {
             match &field.space.place {
                 Place::On(list) => used.extend(list.iter().map(|p| p.name.as_str())),
@@ -273,7 +273,7 @@ impl Builder<'_> {
     pub(super) fn read_but_in_no_term(&mut self, numbering: &Numbering) {
         let script = self.script;
         let mut read: BTreeSet<&str> = BTreeSet::new();
-        let measured = script.measures.iter().map(|m| &m.expr);
+        let measured = script.reductions().map(|m| &m.expr);
         for e in measured.chain(script.outputs.iter().flat_map(|o| &o.items).map(|i| &i.expr)) {
             wfl::each_name(e, &mut |name| {
                 read.insert(split_prefixes(name).1);
@@ -354,7 +354,8 @@ impl Builder<'_> {
         let mut look = |e: &wfl::ast::Expr| wfl::each_name(e, &mut |n| reads |= n == variable || n == "timestep");
         script.terms.iter().for_each(|t| look(&t.expr));
         script.fixes.iter().chain(&script.loads).for_each(|c| look(&c.value));
-        script.measures.iter().for_each(|m| look(&m.expr));
+        script.reductions().for_each(|m| look(&m.expr));
+        script.computed.iter().for_each(|c| look(&c.expr));
         script.outputs.iter().flat_map(|o| &o.items).for_each(|i| look(&i.expr));
         for field in &script.fields {
             if let Declared::Data { value: wfl::DataValue::Formula(e) } = &field.kind {

@@ -180,6 +180,7 @@ impl Scene {
         let mut diagnostics = Vec::new();
         let mut maker = OutputMaker {
             parts: self.parts(script, &env),
+            mappings: None,
             rules: &Rules::new(),
             backend,
             steps: None,

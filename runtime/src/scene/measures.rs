@@ -204,7 +204,15 @@ impl Builder<'_> {
         let point = [0, 1, 2].map(|d| found.get(d).copied().unwrap_or(0.0));
         let backend = self.batch;
         let (parts, diagnostics) = self.parts();
-        let mut maker = OutputMaker { parts, rules, backend, steps: None, diagnostics, law_seconds: Cell::new(0.0) };
+        let mut maker = OutputMaker {
+            parts,
+            rules,
+            mappings: None,
+            backend,
+            steps: None,
+            diagnostics,
+            law_seconds: Cell::new(0.0),
+        };
         let (bodies, faces) = (maker.bodies(), maker.faces_of_lines());
         let homes = maker.homes(&bodies, &faces, &measure.expr);
         let anywhere = !homes.is_empty();
@@ -222,7 +230,15 @@ impl Builder<'_> {
                 return None;
             }
             let (parts, diagnostics) = self.parts();
-            let maker = OutputMaker { parts, rules, backend, steps: None, diagnostics, law_seconds: Cell::new(0.0) };
+            let maker = OutputMaker {
+                parts,
+                rules,
+                mappings: None,
+                backend,
+                steps: None,
+                diagnostics,
+                law_seconds: Cell::new(0.0),
+            };
             let told = maker.state_at_points(&law, measure.expr.span, (x.span, "the point"));
             if let Some(d) = told {
                 self.diagnostics.push(d);

@@ -132,6 +132,17 @@ pub struct Measure {
     pub(crate) span: wfl::Span,
 }
 
+/// A number that measures make, reported with them.
+pub struct Computed {
+    /// Its name.
+    pub name: String,
+    /// Arithmetic of measures, parameters and the step variable.
+    pub(crate) expr: wfl::ast::Expr,
+    /// The reductions that stand in it.
+    pub(crate) reductions: Vec<Measure>,
+    pub(crate) span: wfl::Span,
+}
+
 /// What a measure is made of.
 enum Taken {
     /// Values at points, and what is done with them.
@@ -221,6 +232,8 @@ pub struct Scene {
     pub measures: Vec<Measure>,
     /// The names of balances, whose numbers are among the measures.
     pub balances: Vec<String>,
+    /// Numbers that measures make.
+    pub computed: Vec<Computed>,
     /// Quantities that events, and the limit of an increment, are made of.
     pub watched: Vec<Measure>,
     /// What begins and ends during the steps.

@@ -35,7 +35,7 @@ use crate::{
         constants::{number, numbers},
         fields::place_sig,
         jumps,
-        mappings::refused,
+        mappings::{Mappings, Through, fields_there, refused},
         regions::NamedRegion,
         states::states_read,
         terms::{RuleChoice, Rules, domain},
@@ -83,6 +83,8 @@ impl CsvOutput {
 pub(super) struct OutputMaker<'a> {
     pub(super) parts: Parts<'a>,
     pub(super) rules: &'a Rules,
+    /// Where quantities are read through mappings; none for a scene that is made already.
+    pub(super) mappings: Option<&'a Mappings>,
     pub(super) backend: &'a dyn KernelBackend,
     /// None after an error in `steps`.
     pub(super) steps: Option<&'a Steps>,
@@ -96,6 +98,9 @@ pub(super) struct Target {
     pub(super) sig: PlaceSig,
     pub(super) support: SupportSet,
 }
+
+/// A message says why there is none.
+struct Told;
 
 /// Codes of what has no value at a place but may have one elsewhere: fields, other sides, normals.
 const NOT_HERE: [&str; 3] = ["E202", "E203", "E204"];
@@ -458,10 +463,6 @@ impl OutputMaker<'_> {
         degree: usize,
         span: Span,
     ) {
-        if let Some(d) = refused(law.mapping, "a result file", span) {
-            self.diagnostics.push(d);
-            return;
-        }
         jumps::check(self.parts, &target.sig.name, &target.support.region(), &law.jumps, self.diagnostics);
         let position = match pieces.iter().position(|(s, _)| self.are_one(s, &target.support)) {
             Some(p) => p,
@@ -482,11 +483,9 @@ impl OutputMaker<'_> {
                 }
             },
         };
-        let state = states_read(self.parts.fields, &law.inputs).next();
-        let points = match state.map(|k| self.points_of(k, &target.support, span)) {
-            Some(None) => return,
-            Some(domain) => domain,
-            None => None,
+        let points = match self.own_points(&law, target, span) {
+            Ok(points) => points,
+            Err(Told) => return,
         };
         let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
             let (piece, name) = (&mut pieces[position].1, name.to_owned());
@@ -499,6 +498,40 @@ impl OutputMaker<'_> {
         if let Err(text) = added {
             self.diagnostics.push(Diagnostic::new("E416", text).at(span, ""));
         }
+    }
+
+    /// The points at which a quantity is known, if it is not known everywhere: those of a state, or those of the terms
+    /// through a mapping.
+    fn own_points(&mut self, law: &ValueLaw, target: &Target, span: Span) -> Result<Option<Arc<Domain>>, Told> {
+        if let Some(mapping) = law.mapping {
+            return self.points_through(mapping, law, target, span).map(Some);
+        }
+        let state = states_read(self.parts.fields, &law.inputs).next();
+        state.map(|k| self.points_of(k, &target.support, span).ok_or(Told)).transpose()
+    }
+
+    /// The integration points of the terms on the faces of a piece that have an image.
+    fn points_through(
+        &mut self,
+        mapping: usize,
+        law: &ValueLaw,
+        target: &Target,
+        span: Span,
+    ) -> Result<Arc<Domain>, Told> {
+        let Some(mappings) = self.mappings else {
+            self.diagnostics.extend(refused(law.mapping, "a value here", span));
+            return Err(Told);
+        };
+        let set = target.support.region();
+        let choice = self.rules.get(&target.sig.name).copied().unwrap_or(RuleChoice::Degree(1));
+        let base =
+            domain(self.parts.mesh, self.parts.fields, Some(&set), choice, span, self.diagnostics).ok_or(Told)?;
+        let through = Through { mapping, there: fields_there(&law.inputs, []) };
+        // that some points have no image is told of the terms
+        let mut told = Vec::new();
+        let found = mappings.domain(&through, self.parts.mesh, self.parts.fields, &base, span, &mut told);
+        self.diagnostics.extend(told.into_iter().filter(Diagnostic::is_error));
+        found.ok_or(Told)
     }
 
     /// The integration points of a state on a piece.
@@ -561,7 +594,7 @@ impl OutputMaker<'_> {
         for item in &output.items {
             let name = item.name.clone();
             for (target, law) in self.homes(bodies, &faces, &item.expr) {
-                if let Some(d) = refused(law.mapping, "a result file", item.expr.span) {
+                if let Some(d) = refused(law.mapping, "a value along a line", item.expr.span) {
                     self.diagnostics.push(d);
                     continue;
                 }

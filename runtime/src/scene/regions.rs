@@ -367,7 +367,7 @@ fn names_interior(script: &ResolvedScript) -> bool {
     let in_fields =
         script.fields.iter().any(|f| matches!(&f.space.place, wfl::ast::Place::On(list) if list.iter().any(is)));
     let places = script.terms.iter().map(|t| &t.places);
-    let places = places.chain(script.loads.iter().map(|l| &l.places)).chain(script.measures.iter().map(|m| &m.places));
+    let places = places.chain(script.loads.iter().map(|l| &l.places)).chain(script.reductions().map(|m| &m.places));
     let in_refinements = script.refinements.iter().flat_map(|r| &r.what.places).any(is);
     in_regions || in_refinements || in_fields || places.into_iter().flatten().any(is)
 }

@@ -165,6 +165,20 @@ pub(super) fn expects(
     let mut in_steps = known.clone();
     in_steps.extend(script.steps.iter().map(|s| (s.variable.name.clone(), number())));
     let watched = script.steps.iter().flat_map(|s| &s.watched).map(|m| m.name.name.clone());
+    for computed in &script.computed {
+        let own = computed.watched.iter().map(|m| (m.name.name.clone(), number()));
+        let mut in_it = in_steps.clone();
+        in_it.extend(own);
+        let found = constant(&bare_env(script, dim, &in_it), "a measure", &computed.expr);
+        diagnostics.extend(found.diagnostics);
+        if let Some(value) = found.value.filter(|v| !v.shape.is_scalar_like()) {
+            let d = Diagnostic::new("E108", format!("a measure is a scalar, found a {}", value.shape));
+            diagnostics.push(d.at(computed.expr.span, ""));
+        }
+        // those behind it may read it
+        in_steps.insert(computed.name.name.clone(), number());
+        known.insert(computed.name.name.clone(), number());
+    }
     let of_events =
         script.events.iter().flat_map(|e| e.watched.iter().map(|m| format!("{}{}", e.name.name, m.name.name)));
     in_steps.extend(watched.chain(of_events).map(|name| (name, number())));
@@ -419,7 +433,7 @@ impl Rest<'_> {
 
     /// Measures and outputs.
     fn values(&mut self) {
-        for measure in &self.script.measures {
+        for measure in self.script.reductions() {
             // a value at a point is that of some body
             let somewhere = measure.places.is_empty().then_some("");
             for place in measure.places.iter().map(|p| p.name.as_str()).chain(somewhere) {

@@ -90,6 +90,7 @@ impl Scene {
         let env = self.open_env();
         let mut maker = OutputMaker {
             parts: self.parts(script, &env),
+            mappings: None,
             rules: &Rules::new(),
             backend,
             steps: None,

@@ -70,7 +70,7 @@ impl OutputMaker<'_> {
         let mut line = LineSample::at(self.parts.mesh, points);
         for item in &output.items {
             for (target, law) in self.homes(bodies, faces, &item.expr) {
-                if let Some(d) = refused(law.mapping, "a result file", item.expr.span) {
+                if let Some(d) = refused(law.mapping, "a value at a point", item.expr.span) {
                     self.diagnostics.push(d);
                     continue;
                 }

@@ -191,8 +191,8 @@ fn each_expression<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr)) 
             f(value);
         }
     }
-    let watched = script.steps.iter().flat_map(|s| &s.watched).chain(script.events.iter().flat_map(|e| &e.watched));
-    script.measures.iter().chain(watched).for_each(|m| f(&m.expr));
+    script.reductions().for_each(|m| f(&m.expr));
+    script.computed.iter().for_each(|c| f(&c.expr));
     script.events.iter().for_each(|e| [&e.larger, &e.smaller].into_iter().for_each(&mut *f));
     script.outputs.iter().flat_map(|o| &o.items).for_each(|q| f(&q.expr));
 }

@@ -53,7 +53,7 @@ async function start() {
   } catch (error) {
     vscode.window.showErrorMessage(
       `WFL: cannot start \`${program()} lsp\` (${error.message}). ` +
-        'Install it with: cargo install --path runtime/cli --features lsp, or set wfl.command.'
+        'Install it with: cargo install --path runtime/cli, or set wfl.command.'
     );
   }
 }

@@ -238,6 +238,12 @@ impl Reader<'_> {
     fn measure(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
         let name = self.name(&p.next())?;
         let word = p.next();
+        if word.as_rule() == Rule::computed {
+            let mut p = self.open(word);
+            let expr = self.value(p.next())?;
+            let places = p.take(Rule::option_on).map(|on| self.places(on)).unwrap_or_default();
+            return Ok(ItemKind::Computed { name, expr, places });
+        }
         let (reduction, expr) = (reduction(word.as_str()), self.value(p.next())?);
         let (places, at) = match p.take(Rule::measure_at) {
             None => (self.places(p.next()), MeasureAt::Rule),

@@ -318,6 +318,14 @@ pub(super) const ROWS: &[StatementRow] = &[
         default: "",
     },
     StatementRow {
+        word: "measure",
+        usage: "`measure k = F/d`, `measure m = integral(p*x)/integral(p) on r`",
+        meaning: "a number that others make: arithmetic of measures, parameters, the step variable, and `max(e)`, `min(e)`, \
+                  `mean(e)`, `integral(e)`, `reaction(e)` on the region behind `on`. Reported behind the other measures; \
+                  `expect`, events and the limit of an increment may read it, and so may numbers of this kind below it",
+        default: "",
+    },
+    StatementRow {
         word: "balance",
         usage: "`balance water of p, pf`",
         meaning: "what the equations of scalar unknowns add up to, as measures: `water_in` and `water_out` of loads and \

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Resolver, names::Kind};
+use super::{Resolver, names::Kind, watch::reduction};
 use crate::{
     ast::{Expr, Item, ItemKind, Target},
     diag::Diagnostic,
@@ -53,7 +53,8 @@ impl Resolver<'_> {
 
     fn is_known(&self, word: &str) -> bool {
         let (prefix, root) = split_prefixes(word);
-        is_function(word)
+        self.reduces && reduction(word).is_some()
+            || is_function(word)
             || CONSTANTS.contains(&word)
             || ["x", "y", "z", "t"].contains(&word)
             || self.names.values.contains_key(word)

@@ -65,7 +65,9 @@ pub(super) fn declared(item: &Item) -> Option<(Kind, &Ident)> {
         ItemKind::Data { name, .. } => (Kind::Data, name),
         ItemKind::State { name, .. } => (Kind::State, name),
         ItemKind::Def(def) => (Kind::Def, &def.name),
-        ItemKind::Measure { name, .. } | ItemKind::Event { name, .. } => (Kind::Measure, name),
+        ItemKind::Measure { name, .. } | ItemKind::Computed { name, .. } | ItemKind::Event { name, .. } => {
+            (Kind::Measure, name)
+        }
         ItemKind::Mapping { name, .. } => (Kind::Mapping, name),
         ItemKind::Steps { variable, .. } => (Kind::Steps, variable),
         _ => return None,

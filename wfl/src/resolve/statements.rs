@@ -32,9 +32,10 @@ impl<'d> Resolver<'d> {
             K::Steps { .. } | K::Scheme { .. } | K::Solver { .. } | K::Quadrature { .. } => {
                 self.request(kind, item.span)
             }
-            K::Measure { .. } | K::Balance { .. } | K::Event { .. } | K::Expect(_) | K::Output { .. } => {
+            K::Measure { .. } | K::Computed { .. } | K::Balance { .. } | K::Event { .. } => {
                 self.request(kind, item.span)
             }
+            K::Expect(_) | K::Output { .. } => self.request(kind, item.span),
         }
     }
 
@@ -143,7 +144,7 @@ impl<'d> Resolver<'d> {
         self.once(self.script.steps.as_ref().map(|s| s.span), "steps", span)?;
         let (from, to) = (self.expr(from), self.expr(to));
         let by = if is_auto(by) { Some(by.clone()) } else { self.expr(by) };
-        let options = self.options("steps", options)?;
+        let options = self.reducing(|this| this.options("steps", options))?;
         let mut watched = Vec::new();
         let options = options.into_iter().map(|o| self.watched(o, &mut watched)).collect();
         let (variable, unit) = (variable.clone(), unit.clone());
@@ -190,6 +191,10 @@ impl<'d> Resolver<'d> {
                 let expr = self.expr(expr)?;
                 let (name, reduction) = (name.clone(), *reduction);
                 self.script.measures.push(Measure { name, reduction, expr, places: places?, at, span });
+            }
+            ItemKind::Computed { name, expr, places } => {
+                let computed = self.computed(name, expr, places, span)?;
+                self.script.computed.push(computed);
             }
             ItemKind::Balance { name, fields } => {
                 self.all_fields(fields, "only unknowns have equations to be added up", |k| k == Kind::Unknown)?;

@@ -5,11 +5,19 @@ use super::Resolver;
 use crate::{
     ast::{Argument, CmpOp, Cond, CondKind, Expr, ExprKind, Ident, MeasureAt, OptionItem, OptionValue, Reduction},
     diag::Diagnostic,
-    script::Measure,
+    script::{Computed, Measure},
     source::Span,
 };
 
 impl Resolver<'_> {
+    /// Reads expressions in which reductions may stand.
+    pub(super) fn reducing<T>(&mut self, read: impl FnOnce(&mut Self) -> T) -> T {
+        self.reduces = true;
+        let read = read(self);
+        self.reduces = false;
+        read
+    }
+
     /// An option whose value may hold reductions; they are added to `watched`.
     pub(super) fn watched(&mut self, option: OptionItem, watched: &mut Vec<Measure>) -> OptionItem {
         let OptionItem { name, value, places } = option;
@@ -39,7 +47,7 @@ impl Resolver<'_> {
         span: Span,
     ) -> Option<crate::script::Event> {
         let places = self.places(places, true);
-        let condition = self.cond(condition)?;
+        let condition = self.reducing(|this| this.cond(condition))?;
         let places = places?;
         let (larger, smaller) = match condition.kind {
             CondKind::Compare(first, mut rest) if rest.len() == 1 => match rest.remove(0) {
@@ -55,6 +63,18 @@ impl Resolver<'_> {
         take(&mut smaller, &name.name, &places, &mut watched);
         self.check_places(name, larger.span, &places, !watched.is_empty());
         Some(crate::script::Event { name: name.clone(), larger, smaller, watched, span })
+    }
+
+    /// A number that measures make; its reductions are measures that only it reads.
+    pub(super) fn computed(&mut self, name: &Ident, expr: &Expr, places: &[Ident], span: Span) -> Option<Computed> {
+        let places = self.places(places, true);
+        let mut expr = self.reducing(|this| this.expr(expr))?;
+        let places = places?;
+        let mut watched = Vec::new();
+        take(&mut expr, &name.name, &places, &mut watched);
+        watched.iter_mut().for_each(|m| m.name.name.insert_str(0, &name.name));
+        self.check_places(name, expr.span, &places, !watched.is_empty());
+        Some(Computed { name: name.clone(), expr, watched, span })
     }
 
     fn no_event<T>(&mut self, at: Span) -> Option<T> {
@@ -76,7 +96,7 @@ impl Resolver<'_> {
 }
 
 /// The reduction that a word names.
-fn reduction(word: &str) -> Option<Reduction> {
+pub(super) fn reduction(word: &str) -> Option<Reduction> {
     Some(match word {
         "max" => Reduction::Max,
         "min" => Reduction::Min,

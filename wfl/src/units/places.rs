@@ -32,7 +32,7 @@ impl Pass<'_> {
         for condition in script.refinements.iter().filter_map(|r| r.what.condition.as_ref()) {
             self.cond(condition, first_expr(condition));
         }
-        for measure in &script.measures {
+        for measure in script.reductions() {
             if let MeasureAt::Point(x) = &measure.at {
                 self.place(x);
             }

@@ -123,7 +123,7 @@ impl<'s> Scene<'s> {
     /// The number of nodes in all terms, measures and other formulas, as a measure of work.
     pub(super) fn weight(&self) -> usize {
         let s = self.script;
-        let terms = s.terms.iter().map(|t| &t.expr).chain(s.measures.iter().map(|m| &m.expr));
+        let terms = s.terms.iter().map(|t| &t.expr).chain(s.reductions().map(|m| &m.expr));
         let conditions = s.fixes.iter().chain(&s.loads).map(|c| &c.value);
         let outputs = s.outputs.iter().flat_map(|o| &o.items).map(|q| &q.expr);
         terms.chain(conditions).chain(outputs).map(size).sum::<usize>() + s.params.len() + 1

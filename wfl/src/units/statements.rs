@@ -3,7 +3,7 @@
 use crate::{
     ast::{Expr, Ident, OptionValue, Place, Rank, Reduction},
     diag::Diagnostic,
-    script::{Condition, DataValue, Field, FieldKind, StartKind, Term},
+    script::{Condition, DataValue, Field, FieldKind, Measure, StartKind, Term},
     source::Span,
     walk::each_name,
     words::split_prefixes,
@@ -278,17 +278,24 @@ impl<'s> Pass<'s> {
         self.report(scale_note(d, &first.unit, unit), owner);
     }
 
+    fn of_measure(&mut self, measure: &'s Measure) {
+        let value = self.expr(&measure.expr);
+        let size = match measure.reduction {
+            Reduction::Integral => measure.places.first().and_then(|p| self.size_of(p)),
+            Reduction::Mean | Reduction::Max | Reduction::Min | Reduction::Value => Some(Unit::pure()),
+            // that of the equations of the field, which the terms have together
+            Reduction::Reaction | Reduction::Balance(_) => None,
+        };
+        let value = value.map(|u| size.as_ref().and_then(|s| s.times(u)));
+        self.units.entry(&measure.name.name).or_insert(value);
+    }
+
     fn measures(&mut self) {
-        for measure in &self.scene.script.measures {
-            let value = self.expr(&measure.expr);
-            let size = match measure.reduction {
-                Reduction::Integral => measure.places.first().and_then(|p| self.size_of(p)),
-                Reduction::Mean | Reduction::Max | Reduction::Min | Reduction::Value => Some(Unit::pure()),
-                // that of the equations of the field, which the terms have together
-                Reduction::Reaction | Reduction::Balance(_) => None,
-            };
-            let value = value.map(|u| size.as_ref().and_then(|s| s.times(u)));
-            self.units.entry(&measure.name.name).or_insert(value);
+        self.scene.script.measures.iter().for_each(|measure| self.of_measure(measure));
+        for computed in &self.scene.script.computed {
+            computed.watched.iter().for_each(|measure| self.of_measure(measure));
+            let value = self.expr(&computed.expr);
+            self.units.entry(&computed.name.name).or_insert(value);
         }
     }
 }

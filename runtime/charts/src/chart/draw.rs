@@ -29,7 +29,7 @@ impl Chart {
     }
 
     /// What is drawn, for a picture of pixels, and its width and height.
-    pub(super) fn marks(&self) -> (Vec<Mark>, [f64; 2]) {
+    pub(crate) fn marks(&self) -> (Vec<Mark>, [f64; 2]) {
         let (svg, size) = self.drawn(true, Svg { marks: Some(Vec::new()), ..Svg::default() });
         (svg.marks.unwrap_or_default(), size)
     }

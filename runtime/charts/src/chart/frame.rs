@@ -95,7 +95,8 @@ impl Chart {
         let drawn = |p: &&[f64; 2]| other == Scale::Linear && p[1 - axis].is_finite() || p[1 - axis] > 0.0;
         let of_series = self.series.iter().flat_map(|(s, _)| &s.points).filter(drawn);
         let of_faces = self.map.iter().flat_map(|m| &m.faces).flat_map(|f| &f.corners).map(|c| c[axis]);
-        of_series.chain(of_cells).map(|p| p[axis]).chain(of_faces).collect()
+        let of_room = self.room.iter().flatten().map(|p| p[axis]);
+        of_series.chain(of_cells).map(|p| p[axis]).chain(of_faces).chain(of_room).collect()
     }
 
     fn only_lines(&self) -> bool {

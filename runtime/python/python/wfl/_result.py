@@ -16,6 +16,7 @@ from ._messages import Message, WflWarning
 if TYPE_CHECKING:
     import meshio
     import numpy as np
+    import pandas
     import pyvista
     from numpy.typing import NDArray
 
@@ -336,6 +337,19 @@ class Result(Mapping[str, Any]):
         for name in self.steps[-1].measures if self.steps else ():
             columns[name] = np.array([s.measures.get(name, math.nan) for s in self.steps])
         return columns
+
+    @property
+    def times(self) -> Array:
+        """The step variable at the end of each step, shape ``(n_steps,)``."""
+        import numpy as np
+
+        return np.array([s.t for s in self.steps])
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """The measures as a table with a row a step; the step variable is its index."""
+        import pandas
+
+        return pandas.DataFrame(self.measures).set_index("t")
 
     @property
     def report(self) -> dict[str, Any]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
+import time
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, MutableMapping, Sequence, Union
+from typing import TYPE_CHECKING, Any, Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence, Union
 
 from . import _wfl
 from ._messages import Message, WflError, WflWarning
@@ -14,6 +16,7 @@ from ._result import Iteration, Result, Step, field_view
 
 if TYPE_CHECKING:
     import numpy as np
+    import pandas
     import scipy.sparse
     from numpy.typing import ArrayLike, NDArray
 
@@ -391,6 +394,64 @@ class Scene:
         folder = None if out is None else os.fspath(out)
         told, outcome = self._native.run(folder, threads, (keep_states, outputs, gradients), (step_hook, iteration_hook))
         return self._result(told, outcome, check)
+
+    def sweep(
+        self,
+        *,
+        step: int = -1,
+        threads: int | None = None,
+        progress: bool = False,
+        check: bool = True,
+        **values: Iterable[ParamValue],
+    ) -> pandas.DataFrame:
+        """Runs the scene for every combination of values of its parameters and knobs, and tells the measures.
+
+        The scene has its parameters of before afterwards.
+
+        Parameters
+        ----------
+        step:
+            The step whose measures are told; the last one by default.
+        progress:
+            Writes a line for each run to standard error.
+        check:
+            Raises for a run that did not converge or whose expectations do not hold; otherwise ``ok`` is False there.
+        values:
+            Lists of values by name: ``scene.sweep(fric=[0.3, 0.5], degree=[1, 2])``.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row a run, the last name changes fastest: the values, the measures, the number of unknowns ``dofs``,
+            ``iterations`` of all steps, ``seconds``, and whether the run is ``ok``. nan where a run has no such step.
+
+        Raises
+        ------
+        WflError
+            As :meth:`run`; also for a value that the scene cannot take.
+        """
+        import pandas
+
+        lists = {name: list(given) for name, given in values.items()}
+        rows: list[dict[str, Any]] = []
+        kept = self._kept()
+        try:
+            for chosen in itertools.product(*lists.values()):
+                row: dict[str, Any] = dict(zip(lists, chosen))
+                begin = time.perf_counter()
+                result = self.set(**row).run(threads=threads, outputs=False, check=check)
+                seconds = time.perf_counter() - begin
+                if progress:
+                    told = ", ".join(f"{name} = {value}" for name, value in row.items())
+                    sys.stderr.write(f"{len(rows) + 1}: {told}: {seconds:.2f} s\n")
+                inside = -len(result.steps) <= step < len(result.steps)
+                measures = result.steps[step].measures if inside else {}
+                iterations = sum(s.iterations for s in result.steps)
+                work = {"dofs": self.n_dofs, "iterations": iterations, "seconds": seconds, "ok": result.ok}
+                rows.append({**row, **measures, **work})
+        finally:
+            self._restore(kept)
+        return pandas.DataFrame(rows)
 
     def value_and_gradient(
         self, result: str, parameters: Sequence[str], x: ArrayLike | None = None, *, threads: int | None = None

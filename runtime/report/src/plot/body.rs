@@ -1,6 +1,6 @@
 //! Bodies: deformed and coloured, or cut.
 
-use wfl_charts::{Chart, Edge, Face, Ramp, Scale, short};
+use wfl_charts::{Chart, Edge, Face, Ramp, Scale, Series, short};
 
 use super::{
     PlotError, Request, Slice, Step, Warp, dimension,
@@ -42,6 +42,8 @@ struct Shared {
     range: [f64; 2],
     ramp: Ramp,
     factor: f64,
+    /// Corners around the bodies of all steps, if there are several.
+    room: Option<[[f64; 2]; 2]>,
 }
 
 /// Pictures of the bodies, one a step; along a line one of all steps.
@@ -55,9 +57,13 @@ pub(super) fn pictures(
         return bar(run, steps, wanted).map(|p| vec![p]);
     }
     if let Some(ends) = profile_ends(run, steps, request)? {
-        return profile(run, steps, wanted, ends).map(|p| vec![p]);
+        let drawn = if run.minus.is_some() { both } else { profile };
+        return drawn(run, steps, wanted, ends).map(|p| vec![p]);
     }
-    let shared = shared(run, steps, wanted, request)?;
+    let mut shared = shared(run, steps, wanted, request)?;
+    if steps.len() > 1 {
+        shared.room = Some(around(run, steps, wanted, &shared, request)?);
+    }
     let mut pictures = Vec::new();
     for step in steps {
         let shot = shot(run, step, wanted)?;
@@ -66,7 +72,16 @@ pub(super) fn pictures(
     Ok(pictures)
 }
 
+/// The bodies with the numbers of the run, less those of the other one if there is one.
 fn shot(run: &RunFolder, step: &Step, wanted: &Wanted) -> Result<Shot, PlotError> {
+    let mut shot = own_shot(run, step, wanted)?;
+    if let Some(other) = &run.minus {
+        take_off(run, other, step, &mut shot, wanted)?;
+    }
+    Ok(shot)
+}
+
+fn own_shot(run: &RunFolder, step: &Step, wanted: &Wanted) -> Result<Shot, PlotError> {
     let (step, file) = step;
     let (whole, names) = read_whole(file, dimension(run))?;
     let missing = || PlotError::NoField { asked: wanted.name.clone(), known: names };
@@ -74,6 +89,43 @@ fn shot(run: &RunFolder, step: &Step, wanted: &Wanted) -> Result<Shot, PlotError
     let cells = known_cells(&whole, &found);
     let moved = displacement(run, &whole);
     Ok(Shot { step: *step, whole, cells, found, moved })
+}
+
+/// Takes the numbers of another run off those of a step: at the same step, or at the last one of both.
+fn take_off(
+    run: &RunFolder,
+    other: &RunFolder,
+    step: &Step,
+    shot: &mut Shot,
+    wanted: &Wanted,
+) -> Result<(), PlotError> {
+    let Shot { whole, found, cells, .. } = shot;
+    let theirs = counterpart(run, other, step)?;
+    let (there, names) = read_whole(&theirs.1, dimension(other))?;
+    let missing = || PlotError::NoField { asked: wanted.name.clone(), known: names };
+    let numbers = numbers(&there, dimension(other), wanted)?.ok_or_else(missing)?;
+    let extent = (0..3).map(|d| span(whole.points.iter().map(|p| p[d]))).fold(0.0f64, |m, [a, b]| m.max(b - a));
+    let near = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).all(|d| (a[d] - b[d]).abs() <= ROUNDING * extent);
+    let same = whole.points.len() == there.points.len() && whole.cells.len() == there.cells.len();
+    if !same || !whole.points.iter().zip(&there.points).all(near) {
+        return Err(PlotError::OtherMesh { a: run.folder_name(), b: other.folder_name() });
+    }
+    found.numbers.iter_mut().zip(numbers.numbers).for_each(|(a, b)| *a -= b);
+    *cells = known_cells(whole, found);
+    found.label = format!("{}: {} − {}", found.label, run.folder_name(), other.folder_name());
+    found.file = format!("{}_difference", found.file);
+    Ok(())
+}
+
+/// The step of another run that belongs to one of this run.
+fn counterpart(run: &RunFolder, other: &RunFolder, step: &Step) -> Result<Step, PlotError> {
+    let grid = run.grids.iter().find(|g| g.steps.contains(step));
+    let theirs = grid.and_then(|grid| other.grids.iter().find(|g| g.name == grid.name)).or(other.grids.first());
+    let (Some(grid), Some(theirs)) = (grid, theirs) else { return Err(PlotError::NoFields) };
+    let same = theirs.steps.iter().find(|s| s.0 == step.0);
+    let last = theirs.steps.last().filter(|_| grid.steps.last() == Some(step));
+    let none = || PlotError::NoStep { asked: step.0, known: theirs.steps.iter().map(|s| s.0).collect() };
+    last.or(same).cloned().ok_or_else(none)
 }
 
 /// Range, colours and factor, from all the steps that are drawn.
@@ -110,7 +162,7 @@ fn shared(run: &RunFolder, steps: &[Step], wanted: &Wanted, request: &Request) -
         }
         None => ([low, high], Ramp::Viridis),
     };
-    Ok(Shared { range, ramp, factor })
+    Ok(Shared { range, ramp, factor, room: None })
 }
 
 /// The factor at which the largest displacement is seen: see [`Warp::Auto`].
@@ -146,19 +198,11 @@ fn picture(
     request: &Request,
     numbered: bool,
 ) -> Result<Picture, PlotError> {
-    let mesh = !request.no_mesh && shot.cells.len() <= EDGED;
-    let factor = shared.factor;
-    let (faces, axes) = match request.slice {
-        Some(Slice::Plane { axis, value }) => (cut(shot, axis, value, factor, mesh)?, Some(other_axes(axis))),
-        _ if dimension(run) == 3 => (solid(shot, factor, mesh, request), None),
-        _ => (flat(shot, factor, mesh), Some([0, 1])),
-    };
+    let (faces, axes) = faces(run, shot, shared.factor, request)?;
     let label = run.with_unit(&shot.found.label, &shot.found.source);
     let name = if numbered { format!("{}_{:04}", shot.found.file, shot.step) } else { shot.found.file.clone() };
-    let size = |axis: usize| {
-        let [a, b] = span(faces.iter().flat_map(Face::corners).map(|c| c[axis]));
-        b - a
-    };
+    let room = shared.room.unwrap_or_else(|| corners(&faces));
+    let size = |axis: usize| room[1][axis] - room[0][axis];
     let scale = (ROOM[0] / size(0)).min(ROOM[1] / size(1));
     let width = (scale * size(0)).clamp(120.0, ROOM[0]) + 150.0;
     let height = (scale * size(1)).clamp(60.0, ROOM[1]) + 112.0;
@@ -166,7 +210,8 @@ fn picture(
         .size(width.max(360.0), height)
         .equal()
         .surface(label, shared.ramp, faces)
-        .map_range(shared.range[0], shared.range[1]);
+        .map_range(shared.range[0], shared.range[1])
+        .room(room[0], room[1]);
     let second = subtitle(run, shot, shared, request);
     let chart = if second.is_empty() { chart } else { chart.subtitle(second) };
     let chart = match axes {
@@ -176,6 +221,46 @@ fn picture(
         None => chart.triad(request.view.axes()),
     };
     Ok(Picture::new(&name, chart))
+}
+
+/// What is seen of the bodies, and the axes of space that it has if it is plane.
+fn faces(
+    run: &RunFolder,
+    shot: &Shot,
+    factor: f64,
+    request: &Request,
+) -> Result<(Vec<Face>, Option<[usize; 2]>), PlotError> {
+    let mesh = !request.no_mesh && shot.cells.len() <= EDGED;
+    Ok(match request.slice {
+        Some(Slice::Plane { axis, value }) => (cut(shot, axis, value, factor, mesh)?, Some(other_axes(axis))),
+        _ if dimension(run) == 3 => (solid(shot, factor, mesh, request), None),
+        _ => (flat(shot, factor, mesh), Some([0, 1])),
+    })
+}
+
+/// The corners of the rectangle around faces.
+fn corners(faces: &[Face]) -> [[f64; 2]; 2] {
+    let [x, y] = [0, 1].map(|axis| span(faces.iter().flat_map(Face::corners).map(|c| c[axis])));
+    [[x[0], y[0]], [x[1], y[1]]]
+}
+
+/// The same of the pictures of several steps.
+fn around(
+    run: &RunFolder,
+    steps: &[Step],
+    wanted: &Wanted,
+    shared: &Shared,
+    request: &Request,
+) -> Result<[[f64; 2]; 2], PlotError> {
+    let mut all = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+    for step in steps {
+        let [low, high] = corners(&faces(run, &shot(run, step, wanted)?, shared.factor, request)?.0);
+        for axis in 0..2 {
+            all[0][axis] = all[0][axis].min(low[axis]);
+            all[1][axis] = all[1][axis].max(high[axis]);
+        }
+    }
+    Ok(all)
 }
 
 /// Step, cut, factor, and what else is to be known.
@@ -262,34 +347,75 @@ fn profile_ends(run: &RunFolder, steps: &[Step], request: &Request) -> Result<Op
     }
 }
 
+/// The curves of two runs along a line, at the last of the steps.
+fn both(run: &RunFolder, steps: &[Step], wanted: &Wanted, ends: [[f64; 3]; 2]) -> Result<Picture, PlotError> {
+    let (Some(step), Some(other)) = (steps.last(), &run.minus) else { return Err(PlotError::NoFields) };
+    let mut picture: Option<Picture> = None;
+    for (of, step) in [(run, step.clone()), (other, counterpart(run, other, step)?)] {
+        let line = Line::new(ends, dimension(of));
+        let shot = own_shot(of, &step, wanted)?;
+        let series = Series::new(of.folder_name(), line.values(&shot, dimension(of))?);
+        let begun = picture.take().unwrap_or_else(|| line.picture(of, &shot.found));
+        picture = Some(Picture { chart: begun.chart.line_points(series), ..begun });
+    }
+    picture.ok_or(PlotError::NoFields)
+}
+
 /// Values along a line, a curve a step.
 fn profile(run: &RunFolder, steps: &[Step], wanted: &Wanted, ends: [[f64; 3]; 2]) -> Result<Picture, PlotError> {
-    let changes: Vec<usize> = (0..3).filter(|d| ends[0][*d] != ends[1][*d]).collect();
-    let along = if let [only] = changes[..] { Some(only) } else { None };
-    let length = (0..3).map(|d| ends[1][d] - ends[0][d]).fold(0.0f64, |s, x| s.hypot(x));
+    let line = Line::new(ends, dimension(run));
     let (mut curves, mut last) = (Vec::new(), None);
     for step in steps {
-        let shot = shot(run, step, wanted)?;
-        let found = line(&shot.whole, &shot.cells, dimension(run), ends, &shot.found.numbers);
-        if found.is_empty() {
-            let point = |p: [f64; 3]| p[..dimension(run)].iter().map(|x| short(*x)).collect::<Vec<_>>().join(", ");
-            let what = format!("the line from ({}) to ({})", point(ends[0]), point(ends[1]));
-            return Err(outside(&shot, what, &[0, 1, 2][..dimension(run)]));
-        }
-        let place = |s: f64| along.map_or(s * length, |d| ends[0][d] + s * (ends[1][d] - ends[0][d]));
-        curves.push((shot.step, found.into_iter().map(|[s, v]| [place(s), v]).collect()));
+        let shot = own_shot(run, step, wanted)?;
+        curves.push((shot.step, line.values(&shot, dimension(run))?));
         last = Some(shot.found);
     }
     let Some(found) = last else { return Err(PlotError::NoFields) };
-    let fixed = (0..dimension(run)).filter(|d| along.is_some_and(|a| a != *d));
-    let fixed: Vec<String> = fixed.map(|d| format!("{} = {}", AXES[d], short(ends[0][d]))).collect();
-    let title = [scene(run) + ": " + &found.label, fixed.join(", ")].join(if fixed.is_empty() { "" } else { ", " });
-    let axis = along.map_or("distance", |d| AXES[d]);
-    let chart = Chart::new(title)
-        .size(520.0, 340.0)
-        .x(run.with_unit(axis, "X"), Scale::Linear)
-        .y(run.with_unit(&found.label, &found.source), Scale::Linear);
-    Ok(Picture::new(&format!("{}_over_{axis}", found.file), over_steps(run, chart, curves)))
+    let Picture { name, chart } = line.picture(run, &found);
+    Ok(Picture { name, chart: over_steps(run, chart, curves) })
+}
+
+/// A line through the bodies.
+struct Line {
+    ends: [[f64; 3]; 2],
+    /// The only coordinate that changes along it.
+    along: Option<usize>,
+    dim: usize,
+}
+
+impl Line {
+    fn new(ends: [[f64; 3]; 2], dim: usize) -> Self {
+        let changes: Vec<usize> = (0..3).filter(|d| ends[0][*d] != ends[1][*d]).collect();
+        let along = if let [only] = changes[..] { Some(only) } else { None };
+        Line { ends, along, dim }
+    }
+
+    /// Places and numbers along it.
+    fn values(&self, shot: &Shot, dim: usize) -> Result<Vec<[f64; 2]>, PlotError> {
+        let ends = self.ends;
+        let length = (0..3).map(|d| ends[1][d] - ends[0][d]).fold(0.0f64, |s, x| s.hypot(x));
+        let found = line(&shot.whole, &shot.cells, dim, ends, &shot.found.numbers);
+        if found.is_empty() {
+            let point = |p: [f64; 3]| p[..dim].iter().map(|x| short(*x)).collect::<Vec<_>>().join(", ");
+            let what = format!("the line from ({}) to ({})", point(ends[0]), point(ends[1]));
+            return Err(outside(shot, what, &[0, 1, 2][..dim]));
+        }
+        let place = |s: f64| self.along.map_or(s * length, |d| ends[0][d] + s * (ends[1][d] - ends[0][d]));
+        Ok(found.into_iter().map(|[s, v]| [place(s), v]).collect())
+    }
+
+    /// The chart without its curves.
+    fn picture(&self, run: &RunFolder, found: &Numbers) -> Picture {
+        let fixed = (0..self.dim).filter(|d| self.along.is_some_and(|a| a != *d));
+        let fixed: Vec<String> = fixed.map(|d| format!("{} = {}", AXES[d], short(self.ends[0][d]))).collect();
+        let title = [scene(run) + ": " + &found.label, fixed.join(", ")].join(if fixed.is_empty() { "" } else { ", " });
+        let axis = self.along.map_or("distance", |d| AXES[d]);
+        let chart = Chart::new(title)
+            .size(520.0, 340.0)
+            .x(run.with_unit(axis, "X"), Scale::Linear)
+            .y(run.with_unit(&found.label, &found.source), Scale::Linear);
+        Picture::new(&format!("{}_over_{axis}", found.file), chart)
+    }
 }
 
 /// A bar has no faces: its values over the coordinate, a curve a step.

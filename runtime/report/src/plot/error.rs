@@ -19,6 +19,22 @@ pub enum PlotError {
         /// What there is.
         known: Vec<String>,
     },
+    /// No such measure.
+    #[error("the run has no measure `{asked}`")]
+    NoMeasure {
+        /// What was asked for.
+        asked: String,
+        /// What there is.
+        known: Vec<String>,
+    },
+    /// Two runs whose numbers cannot be subtracted point by point.
+    #[error("`{a}` and `{b}` have no mesh in common")]
+    OtherMesh {
+        /// The first folder.
+        a: String,
+        /// The second one.
+        b: String,
+    },
     /// The field has no such part.
     #[error("`{field}` has no part `{part}`")]
     NoPart {
@@ -59,6 +75,8 @@ impl PlotError {
             PlotError::Report(_) | PlotError::Unfit(_) => String::new(),
             PlotError::NoFields => "add a statement such as `output vtk \"name\" : u, sigma(u) as stress`".to_owned(),
             PlotError::NoField { known, .. } | PlotError::NoPart { known, .. } => format!("there is {}", list(known)),
+            PlotError::NoMeasure { known, .. } => format!("there is {}", list(known)),
+            PlotError::OtherMesh { .. } => "--line draws both along a line".to_owned(),
             PlotError::NoStep { known, .. } => match (known.first(), known.last()) {
                 (Some(first), Some(last)) if first < last => format!("there are steps {first} to {last}"),
                 (Some(only), _) => format!("there is step {only} alone"),

@@ -28,6 +28,10 @@ pub(super) fn pictures(
         if !chosen(&mut interface, wanted, state)? {
             continue;
         }
+        if run.minus.is_some() {
+            let text = format!("`{}` lives on an interface: differences are drawn of fields of bodies", wanted.name);
+            return Err(PlotError::Unfit(text));
+        }
         if request.slice.is_some() {
             let text =
                 format!("`{}` lives on an interface, which is not cut: leave out --slice and --line", wanted.name);

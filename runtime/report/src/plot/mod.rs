@@ -7,6 +7,7 @@ mod body;
 mod error;
 mod field;
 mod interface;
+mod over;
 mod section;
 mod skin;
 #[cfg(test)]
@@ -22,6 +23,7 @@ use crate::{
 pub(crate) use body::overview;
 pub use error::PlotError;
 use field::{Numbers, Wanted};
+pub use over::{Over, over};
 pub use view::View;
 
 /// The steps that are drawn.

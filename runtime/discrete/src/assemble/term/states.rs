@@ -33,9 +33,10 @@ impl AssembledTerm {
         let state = |packed: &u64| {
             let [zero, one, two] = [0, 16, 32].map(|shift| (packed >> shift) & 0xffff);
             let [zero, one, two] = if friction { [zero, one, two] } else { [zero, 0, one + two] };
-            if two >= one && two >= zero {
+            // a face without points touches nothing
+            if two > 0 && two >= one && two >= zero {
                 2.0
-            } else if one >= zero {
+            } else if one > 0 && one >= zero {
                 1.0
             } else {
                 0.0

@@ -24,7 +24,7 @@ impl std::fmt::Display for Place {
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// No reader knows the first bytes.
-    #[error("not a mesh file of a known format (Gmsh 2.2 or 4.1 is read)")]
+    #[error("not a mesh file of a known format (Gmsh 2.2 and 4.1, and input files of Abaqus and CalculiX are read)")]
     UnknownFormat,
     /// A Gmsh file of another version or number size.
     #[error("Gmsh file format {found} is not read, save the mesh as 2.2 or 4.1")]
@@ -48,6 +48,14 @@ pub enum ReadError {
         /// What was needed.
         needed: &'static str,
         /// End of the file.
+        place: Place,
+    },
+    /// A deck says what is not read, or what makes no sense.
+    #[error("{place}: {what}")]
+    Deck {
+        /// What is wrong, and what to do.
+        what: String,
+        /// Where.
         place: Place,
     },
     /// A section that every mesh needs is not there.

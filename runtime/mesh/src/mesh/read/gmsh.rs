@@ -219,8 +219,15 @@ impl NodeMap {
 }
 
 impl Contents {
+    /// Names for the groups with the tags 1, 2, ..., whatever their dimension.
+    pub(super) fn name_groups(&mut self, names: &[String]) {
+        for (tag, name) in (1..).zip(names) {
+            self.names.extend((0..4).map(|dim| ((dim, tag), name.clone())));
+        }
+    }
+
     /// The mesh of the elements of highest dimension; the others only fill groups.
-    fn into_raw(self) -> Result<RawMesh, ReadError> {
+    pub(super) fn into_raw(self) -> Result<RawMesh, ReadError> {
         let used = self.blocks.iter().filter(|b| !b.elements.is_empty());
         let dim = used.map(|b| b.element_type.dim()).max().unwrap_or(0);
         if dim == 0 {

@@ -1,10 +1,11 @@
-//! Mesh files: Gmsh MSH 2.2 and 4.1, ASCII and binary.
+//! Mesh files: Gmsh MSH 2.2 and 4.1, ASCII and binary; input files of Abaqus and CalculiX.
 //!
 //! Promises: a file gives a [`RawMesh`] or an error with its place in the file; nothing in a file
 //! can make the reader panic or allocate more than a small multiple of the file's size. What the
 //! reader cannot see (orientation, volumes, duplicates) is checked by [`Mesh::from_raw`].
 //! Does not read fields, partitions, periodic links or geometry.
 
+mod abaqus;
 mod cursor;
 mod error;
 mod gmsh;
@@ -21,7 +22,8 @@ struct Reader {
     parse: fn(&[u8]) -> Result<RawMesh, ReadError>,
 }
 
-const READERS: [Reader; 2] = [
+const READERS: [Reader; 3] = [
+    Reader { recognises: abaqus::recognises, parse: abaqus::parse },
     Reader { recognises: msh2::recognises, parse: msh2::parse },
     Reader { recognises: msh4::recognises, parse: msh4::parse },
 ];

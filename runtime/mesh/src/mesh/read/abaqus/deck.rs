@@ -1,0 +1,323 @@
+//! The text of an input file: keywords with parameters, data lines, and what they say of parts, instances, sets.
+
+use super::element::{Shape, shape};
+use crate::mesh::read::error::{Place, ReadError};
+
+/// A keyword with the lines below it.
+struct Section {
+    line: usize,
+    /// In capitals, without the star.
+    keyword: String,
+    /// Parameters in capitals, with values as written.
+    parameters: Vec<(String, String)>,
+    /// Data lines with their numbers.
+    data: Vec<(usize, Vec<String>)>,
+}
+
+/// A member of a set.
+pub(super) enum Member {
+    Number(u64),
+    /// From, to, by.
+    Range([u64; 3]),
+    /// Another set.
+    Set(String),
+}
+
+/// A set of nodes or elements.
+pub(super) struct Set {
+    pub(super) name: String,
+    pub(super) members: Vec<Member>,
+    /// The instance whose numbers they are, in the assembly.
+    pub(super) instance: Option<String>,
+    pub(super) line: usize,
+}
+
+/// Faces of elements, or nodes.
+pub(super) struct Surface {
+    pub(super) name: String,
+    pub(super) of_nodes: bool,
+    /// Elements or nodes, with the number of the face, counted from 1; all outer faces without one.
+    pub(super) items: Vec<(Member, Option<usize>)>,
+    pub(super) line: usize,
+}
+
+/// An element as it is read.
+pub(super) struct Element {
+    pub(super) number: u64,
+    pub(super) shape: Shape,
+    pub(super) nodes: Vec<u64>,
+}
+
+/// What a deck says of one mesh: a part, the assembly, or all of it.
+#[derive(Default)]
+pub(super) struct Part {
+    pub(super) name: String,
+    pub(super) nodes: Vec<(u64, [f64; 3])>,
+    pub(super) elements: Vec<Element>,
+    pub(super) node_sets: Vec<Set>,
+    pub(super) element_sets: Vec<Set>,
+    pub(super) surfaces: Vec<Surface>,
+}
+
+/// A part at its place.
+pub(super) struct Instance {
+    pub(super) name: String,
+    pub(super) part: String,
+    pub(super) shift: [f64; 3],
+    /// Two points of an axis, and an angle in degrees; after the shift.
+    pub(super) turn: Option<[f64; 7]>,
+    pub(super) line: usize,
+}
+
+/// All of a file.
+#[derive(Default)]
+pub(super) struct Deck {
+    pub(super) parts: Vec<Part>,
+    pub(super) instances: Vec<Instance>,
+    /// What stands outside of parts: all of a flat deck; sets and surfaces of an assembly.
+    pub(super) outside: Part,
+}
+
+pub(super) fn wrong(line: usize, what: impl Into<String>) -> ReadError {
+    ReadError::Deck { what: what.into(), place: Place::Line(line) }
+}
+
+impl Section {
+    fn value(&self, name: &str) -> Option<&str> {
+        self.parameters.iter().find(|p| p.0 == name).map(|p| p.1.as_str())
+    }
+
+    fn needs(&self, name: &str) -> Result<String, ReadError> {
+        let missing = || wrong(self.line, format!("*{} has no {name}=", self.keyword));
+        self.value(name).filter(|v| !v.is_empty()).map(str::to_owned).ok_or_else(missing)
+    }
+}
+
+/// Words between commas, without quotes and blanks around them; an empty one behind the last comma is left out.
+fn words(line: &str) -> Vec<String> {
+    let mut words: Vec<String> = line.split(',').map(|w| w.trim().trim_matches('"').trim().to_owned()).collect();
+    if words.last().is_some_and(String::is_empty) {
+        words.pop();
+    }
+    words
+}
+
+/// The keywords of a text, each with its data.
+fn sections(bytes: &[u8]) -> Vec<Section> {
+    let text = String::from_utf8_lossy(bytes);
+    let mut out: Vec<Section> = Vec::new();
+    let mut continued = false;
+    for (k, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if line.is_empty() || line.starts_with("**") {
+            continue;
+        }
+        let is_keyword = line.starts_with('*');
+        let parameters = |words: &[String]| {
+            let pair = |w: &String| match w.split_once('=') {
+                Some((name, value)) => (name.trim().to_uppercase(), value.trim().trim_matches('"').to_owned()),
+                None => (w.to_uppercase(), String::new()),
+            };
+            words.iter().map(pair).collect::<Vec<_>>()
+        };
+        if is_keyword {
+            let all = words(&line[1..]);
+            let keyword = all.first().map(|w| w.to_uppercase()).unwrap_or_default();
+            let parameters = parameters(all.get(1..).unwrap_or_default());
+            out.push(Section { line: k + 1, keyword, parameters, data: Vec::new() });
+        } else if let Some(last) = out.last_mut() {
+            if continued {
+                last.parameters.extend(parameters(&words(line)));
+            } else {
+                last.data.push((k + 1, words(line)));
+            }
+        }
+        // a keyword goes on behind a comma at its end
+        continued = (is_keyword || continued) && line.ends_with(',');
+    }
+    out
+}
+
+fn number<T: std::str::FromStr>(line: usize, word: &str, what: &str) -> Result<T, ReadError> {
+    // numbers may be written as 1.5D0
+    let plain = word.replace(['d', 'D'], "e");
+    plain.parse().map_err(|_| wrong(line, format!("found `{word}`, needed {what}")))
+}
+
+impl Deck {
+    pub(super) fn read(bytes: &[u8]) -> Result<Self, ReadError> {
+        let mut deck = Self::default();
+        let mut part: Option<Part> = None;
+        for section in sections(bytes) {
+            match section.keyword.as_str() {
+                "PART" => part = Some(Part { name: section.needs("NAME")?, ..Part::default() }),
+                "END PART" => deck.parts.extend(part.take()),
+                "INSTANCE" => deck.instances.push(instance(&section)?),
+                "STEP" => break,
+                _ => {
+                    let own = part.as_mut().unwrap_or(&mut deck.outside);
+                    own.add(&section)?;
+                }
+            }
+        }
+        deck.parts.extend(part);
+        Ok(deck)
+    }
+}
+
+fn instance(section: &Section) -> Result<Instance, ReadError> {
+    let (name, part) = (section.needs("NAME")?, section.needs("PART")?);
+    let mut numbers = Vec::new();
+    for (line, words) in &section.data {
+        for word in words {
+            numbers.push(number::<f64>(*line, word, "a number of the place of an instance")?);
+        }
+    }
+    let (shift, turn) = match numbers.as_slice() {
+        [] => ([0.0; 3], None),
+        [x, y] => ([*x, *y, 0.0], None),
+        [x, y, z] => ([*x, *y, *z], None),
+        [x, y, z, rest @ ..] => {
+            let turn = rest.try_into().map_err(|_| wrong(section.line, "a rotation has two points and an angle"))?;
+            ([*x, *y, *z], Some(turn))
+        }
+        [_] => return Err(wrong(section.line, "a place of an instance has two or three numbers")),
+    };
+    Ok(Instance { name, part, shift, turn, line: section.line })
+}
+
+impl Part {
+    fn add(&mut self, section: &Section) -> Result<(), ReadError> {
+        match section.keyword.as_str() {
+            "NODE" => self.nodes(section),
+            "ELEMENT" => self.elements(section),
+            "NSET" => {
+                self.node_sets.push(set(section, section.needs("NSET")?)?);
+                Ok(())
+            }
+            "ELSET" => {
+                self.element_sets.push(set(section, section.needs("ELSET")?)?);
+                Ok(())
+            }
+            "SURFACE" => self.surface(section),
+            word @ ("INCLUDE" | "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY" | "SYSTEM") => {
+                let what = format!("*{word} is not followed: write all nodes and elements into one file");
+                Err(wrong(section.line, what))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn nodes(&mut self, section: &Section) -> Result<(), ReadError> {
+        for name in ["SYSTEM", "INPUT"] {
+            if section.value(name).is_some_and(|v| !v.eq_ignore_ascii_case("R")) {
+                return Err(wrong(section.line, format!("*NODE with {name}= is not read: write positions in x, y, z")));
+            }
+        }
+        let first = self.nodes.len();
+        for (line, words) in &section.data {
+            let [node, rest @ ..] = words.as_slice() else { continue };
+            let node = number::<u64>(*line, node, "the number of a node")?;
+            let mut x = [0.0f64; 3];
+            for (slot, word) in x.iter_mut().zip(rest.iter().filter(|w| !w.is_empty())) {
+                *slot = number(*line, word, "a coordinate")?;
+                if !slot.is_finite() {
+                    return Err(ReadError::NonFinite { node, value: *slot, place: Place::Line(*line) });
+                }
+            }
+            self.nodes.push((node, x));
+        }
+        if let Some(name) = section.value("NSET") {
+            let members = self.nodes[first..].iter().map(|n| Member::Number(n.0)).collect();
+            self.node_sets.push(Set { name: name.to_owned(), members, instance: None, line: section.line });
+        }
+        Ok(())
+    }
+
+    fn elements(&mut self, section: &Section) -> Result<(), ReadError> {
+        let kind = section.needs("TYPE")?;
+        let first = self.elements.len();
+        let mut open: Option<Element> = None;
+        for (line, words) in &section.data {
+            let mut words = words.iter().filter(|w| !w.is_empty());
+            let mut element = match open.take() {
+                Some(element) => element,
+                None => {
+                    let Some(word) = words.next() else { continue };
+                    let number = number(*line, word, "the number of an element")?;
+                    Element { number, shape: shape(&kind, number, *line)?, nodes: Vec::new() }
+                }
+            };
+            for word in words {
+                element.nodes.push(number(*line, word, "the number of a node")?);
+            }
+            match element.nodes.len().cmp(&element.shape.n_nodes()) {
+                std::cmp::Ordering::Less => open = Some(element),
+                std::cmp::Ordering::Equal => self.elements.push(element),
+                std::cmp::Ordering::Greater => {
+                    let (n, found) = (element.shape.n_nodes(), element.nodes.len());
+                    return Err(wrong(*line, format!("element {} has {found} nodes, {kind} has {n}", element.number)));
+                }
+            }
+        }
+        if let Some(element) = open {
+            let (n, found) = (element.shape.n_nodes(), element.nodes.len());
+            return Err(wrong(section.line, format!("element {} has {found} nodes, {kind} has {n}", element.number)));
+        }
+        if let Some(name) = section.value("ELSET") {
+            let members = self.elements[first..].iter().map(|e| Member::Number(e.number)).collect();
+            self.element_sets.push(Set { name: name.to_owned(), members, instance: None, line: section.line });
+        }
+        Ok(())
+    }
+
+    fn surface(&mut self, section: &Section) -> Result<(), ReadError> {
+        let kind = section.value("TYPE").unwrap_or("ELEMENT").to_uppercase();
+        let (name, line) = (section.needs("NAME")?, section.line);
+        // analytical surfaces have no elements
+        if kind != "ELEMENT" && kind != "NODE" {
+            return Ok(());
+        }
+        let mut items = Vec::new();
+        for (line, words) in &section.data {
+            let Some(first) = words.first().filter(|w| !w.is_empty()) else { continue };
+            let face = words.get(1).filter(|w| kind == "ELEMENT" && !w.is_empty());
+            let face = face.map(|word| face_number(*line, word)).transpose()?;
+            items.push((member(first), face));
+        }
+        self.surfaces.push(Surface { name, of_nodes: kind == "NODE", items, line });
+        Ok(())
+    }
+}
+
+/// `S3`, of a face of an element.
+fn face_number(line: usize, word: &str) -> Result<usize, ReadError> {
+    let digits = word.strip_prefix(['S', 's']).and_then(|d| d.parse().ok()).filter(|n| (1..=6).contains(n));
+    digits.ok_or_else(|| wrong(line, format!("found `{word}`, needed a face of an element, S1 to S6")))
+}
+
+fn member(word: &str) -> Member {
+    word.parse().map_or_else(|_| Member::Set(word.to_owned()), Member::Number)
+}
+
+fn set(section: &Section, name: String) -> Result<Set, ReadError> {
+    let mut members = Vec::new();
+    let generate = section.value("GENERATE").is_some();
+    for (line, words) in &section.data {
+        if !generate {
+            members.extend(words.iter().filter(|w| !w.is_empty()).map(|w| member(w)));
+            continue;
+        }
+        let mut numbers = [0, 0, 1];
+        for (slot, word) in numbers.iter_mut().zip(words) {
+            *slot = number(*line, word, "the number of a member")?;
+        }
+        let [from, to, by] = numbers;
+        if words.len() < 2 || by == 0 || to < from {
+            return Err(wrong(*line, "a generated set has its first and last number, and the distance between them"));
+        }
+        members.push(Member::Range([from, to, by]));
+    }
+    let instance = section.value("INSTANCE").map(str::to_owned);
+    Ok(Set { name, members, instance, line: section.line })
+}

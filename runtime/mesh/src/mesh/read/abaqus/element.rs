@@ -1,0 +1,144 @@
+//! Element types by their names: shape, order of the nodes, faces.
+
+use super::deck::wrong;
+use crate::mesh::read::error::ReadError;
+
+/// A shape of first or second order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shape {
+    Segment(usize),
+    Triangle(usize),
+    Quadrilateral,
+    Tetrahedron(usize),
+    Hexahedron,
+    Wedge,
+    Pyramid,
+}
+
+impl Shape {
+    pub(super) fn n_nodes(self) -> usize {
+        match self {
+            Self::Segment(order) => [2, 3][order - 1],
+            Self::Triangle(order) => [3, 6][order - 1],
+            Self::Quadrilateral => 4,
+            Self::Tetrahedron(order) => [4, 10][order - 1],
+            Self::Hexahedron => 8,
+            Self::Wedge => 6,
+            Self::Pyramid => 5,
+        }
+    }
+
+    /// Gmsh's number of the type.
+    pub(super) fn code(self) -> i64 {
+        match self {
+            Self::Segment(order) => [1, 8][order - 1],
+            Self::Triangle(order) => [2, 9][order - 1],
+            Self::Quadrilateral => 3,
+            Self::Tetrahedron(order) => [4, 11][order - 1],
+            Self::Hexahedron => 5,
+            Self::Wedge => 6,
+            Self::Pyramid => 7,
+        }
+    }
+
+    /// The nodes in Gmsh's order: it differs in the middles of the last two edges of a tetrahedron.
+    pub(super) fn in_order(self, nodes: &[u64]) -> Vec<u64> {
+        let mut nodes = nodes.to_vec();
+        if self == Self::Tetrahedron(2) {
+            nodes.swap(8, 9);
+        }
+        nodes
+    }
+
+    /// Corners of its faces S1, S2, ...
+    pub(super) fn faces(self) -> &'static [&'static [usize]] {
+        match self {
+            Self::Segment(_) => &[],
+            Self::Triangle(_) => &[&[0, 1], &[1, 2], &[2, 0]],
+            Self::Quadrilateral => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
+            Self::Tetrahedron(_) => &[&[0, 1, 2], &[0, 3, 1], &[1, 3, 2], &[2, 3, 0]],
+            Self::Hexahedron => {
+                &[&[0, 1, 2, 3], &[4, 7, 6, 5], &[0, 4, 5, 1], &[1, 5, 6, 2], &[2, 6, 7, 3], &[3, 7, 4, 0]]
+            }
+            Self::Wedge => &[&[0, 1, 2], &[3, 5, 4], &[0, 3, 4, 1], &[1, 4, 5, 2], &[2, 5, 3, 0]],
+            Self::Pyramid => &[&[0, 1, 2, 3], &[0, 4, 1], &[1, 4, 2], &[2, 4, 3], &[3, 4, 0]],
+        }
+    }
+}
+
+/// Beginnings of names of solids, of plane elements, shells and membranes, of lines; the number of nodes stands behind.
+const SOLID: [&str; 4] = ["DC3D", "AC3D", "C3D", "F3D"];
+const FLAT: [&str; 18] = [
+    "CPEG", "CPS", "CPE", "CAX", "DCAX", "ACAX", "DC2D", "AC2D", "STRI", "SFM3D", "M3D", "R3D", "DS", "SC", "S", "F2D",
+    "CGAX", "MGAX",
+];
+const LINE: [&str; 9] = ["T2D", "T3D", "B2", "B3", "R2D", "RAX", "DC1D", "SAX", "MAX"];
+
+/// The shape of a type by its name.
+pub(super) fn shape(name: &str, element: u64, line: usize) -> Result<Shape, ReadError> {
+    let name = name.to_uppercase();
+    let nodes = |starts: &[&str]| {
+        let rest = starts.iter().filter_map(|start| name.strip_prefix(start)).min_by_key(|rest| rest.len())?;
+        let digits: String = rest.chars().take_while(char::is_ascii_digit).collect();
+        digits.parse::<usize>().ok()
+    };
+    let found = match (nodes(&SOLID), nodes(&FLAT), nodes(&LINE)) {
+        (Some(4), ..) => Some(Shape::Tetrahedron(1)),
+        (Some(10), ..) => Some(Shape::Tetrahedron(2)),
+        (Some(8), ..) => Some(Shape::Hexahedron),
+        (Some(6), ..) => Some(Shape::Wedge),
+        (Some(5), ..) => Some(Shape::Pyramid),
+        (None, Some(3), _) => Some(Shape::Triangle(1)),
+        // STRI65 has six nodes with five degrees of freedom
+        (None, Some(6 | 65), _) => Some(Shape::Triangle(2)),
+        (None, Some(4), _) => Some(Shape::Quadrilateral),
+        // beams count their order: B31, B32
+        (None, None, Some(n)) if name.starts_with('B') => (n < 3).then_some(Shape::Segment(n)),
+        (None, None, Some(2)) => Some(Shape::Segment(1)),
+        (None, None, Some(3)) => Some(Shape::Segment(2)),
+        _ => None,
+    };
+    found.ok_or_else(|| {
+        let remedy = match (nodes(&SOLID), nodes(&FLAT)) {
+            (Some(15 | 20), _) | (_, Some(8)) => {
+                ": cells of second order without nodes in the middle of their faces are not read; write the mesh with \
+                 elements of first order, or with tetrahedra and triangles of second order"
+            }
+            _ => "",
+        };
+        wrong(line, format!("element {element} is a {name}, which is no element that is read{remedy}"))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_tell_the_shape() {
+        for (name, expected) in [
+            ("C3D4", Shape::Tetrahedron(1)),
+            ("C3D10MH", Shape::Tetrahedron(2)),
+            ("c3d8r", Shape::Hexahedron),
+            ("DC3D6", Shape::Wedge),
+            ("C3D5", Shape::Pyramid),
+            ("CPS3", Shape::Triangle(1)),
+            ("CPE6M", Shape::Triangle(2)),
+            ("STRI65", Shape::Triangle(2)),
+            ("CAX4R", Shape::Quadrilateral),
+            ("S4R5", Shape::Quadrilateral),
+            ("S3", Shape::Triangle(1)),
+            ("M3D4", Shape::Quadrilateral),
+            ("T3D2", Shape::Segment(1)),
+            ("B31", Shape::Segment(1)),
+            ("B32", Shape::Segment(2)),
+            ("T2D3", Shape::Segment(2)),
+        ] {
+            assert_eq!(shape(name, 1, 1).unwrap(), expected, "{name}");
+        }
+        for name in ["C3D20R", "CPS8", "C3D15", "GAPUNI", "C3D", "X"] {
+            let told = shape(name, 7, 3).unwrap_err().to_string();
+            assert!(told.contains("line 3") && told.contains("element 7") && told.contains(name), "{told}");
+        }
+    }
+}
