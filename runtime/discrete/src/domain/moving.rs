@@ -7,14 +7,18 @@
 //!
 //! Promises: the same images for the same displacements, whatever was asked before. Does not know laws.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::{
     Domain, Group, GroupSide,
-    rays::{Bounds, Hit, Ray, Targets},
+    boxes::Boxes,
+    rays::{Hit, Ray, Targets},
 };
 use crate::space::Space;
 use wfl_mesh::{
@@ -38,6 +42,10 @@ pub struct ImageMotion {
     pub shift: [f64; 6],
     /// Derivative of the outward normal along the face: row i, column j at `i + dim j`.
     pub slope: [f64; 9],
+    /// The current unit normal of the point, along which its image was looked for.
+    pub normal: [f64; 3],
+    /// How far along it the image is, negative where the bodies overlap.
+    pub gap: f64,
     /// What stands in for the position of the image where there is none.
     pub stand_in: Option<[f64; 3]>,
 }
@@ -120,6 +128,27 @@ impl MovingPoints {
         self.targets.facets()
     }
 
+    /// By face that images may lie on, in their order: those that share a vertex with it, itself included.
+    #[must_use]
+    pub fn around(&self, mesh: &Mesh) -> Vec<Vec<usize>> {
+        let vertices = |facet: FacetRef| {
+            let local = mesh.kind(facet.cell).facets()[usize::from(facet.local)];
+            let nodes = mesh.cell_vertices(facet.cell);
+            local.vertices.iter().map(|k| nodes[*k].index()).collect::<Vec<usize>>()
+        };
+        let mut faces_at: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (k, facet) in self.targets().enumerate() {
+            vertices(facet).into_iter().for_each(|node| faces_at.entry(node).or_default().push(k));
+        }
+        let around = |facet: FacetRef| {
+            let mut found: Vec<usize> = vertices(facet).iter().flat_map(|node| &faces_at[node]).copied().collect();
+            found.sort_unstable();
+            found.dedup();
+            found
+        };
+        self.targets().map(around).collect()
+    }
+
     /// The points with their images at these values of all fields.
     #[must_use]
     pub fn at(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Arc<Domain> {
@@ -129,8 +158,8 @@ impl MovingPoints {
             return Arc::clone(&known.domain);
         }
         // not under the lock: who waits for other threads may be given work that asks for images, too
-        let bounds = self.targets.bounds(mesh, there);
-        let group = |point: &Point| self.found(mesh, point, [here, there], &bounds);
+        let boxes = self.targets.boxes(mesh, there);
+        let group = |point: &Point| self.found(mesh, point, [here, there], &boxes);
         let groups: Vec<Group> = self.points.par_iter().map(group).collect();
         let domain = Arc::new(Domain {
             over: self.over,
@@ -145,14 +174,15 @@ impl MovingPoints {
     }
 
     /// A point with its image.
-    fn found(&self, mesh: &Mesh, point: &Point, [here, there]: [&[f64]; 2], bounds: &[Bounds]) -> Group {
+    fn found(&self, mesh: &Mesh, point: &Point, [here, there]: [&[f64]; 2], boxes: &Boxes) -> Group {
         let ray = point.ray(mesh.dim(), here);
-        let hit = ray.as_ref().and_then(|ray| self.targets.hit(mesh, there, bounds, ray));
+        let hit = ray.as_ref().and_then(|ray| self.targets.hit(mesh, there, boxes, ray));
+        let normal = ray.as_ref().map_or_else(Vector3::zeros, |ray| ray.n).into();
         let (image, motion, weight) = match hit {
-            Some(Hit { image, shift, slope }) => {
-                (image, ImageMotion { shift, slope, stand_in: None }, point.group.weights[0])
+            Some(Hit { image, shift, slope, gap }) => {
+                (image, ImageMotion { shift, slope, normal, gap, stand_in: None }, point.group.weights[0])
             }
-            None => (self.spare, self.nowhere(ray.as_ref(), there), 0.0),
+            None => (self.spare, ImageMotion { normal, ..self.nowhere(ray.as_ref(), there) }, 0.0),
         };
         let kind = mesh.kind(image.cell);
         let mut side = GroupSide::new(mesh, kind, vec![image.reference]);
@@ -176,7 +206,8 @@ impl MovingPoints {
             let own = displacement(self.points[0].group.here.geometry.dim, &table, space.entity_nodes(position), there);
             place -= own;
         }
-        ImageMotion { shift: [0.0; 6], slope: [0.0; 9], stand_in: Some(place.into()) }
+        let stand_in = Some(place.into());
+        ImageMotion { shift: [0.0; 6], slope: [0.0; 9], normal: [0.0; 3], gap: self.ahead, stand_in }
     }
 }
 
@@ -184,11 +215,11 @@ impl MovingPoints {
 fn limit_by_thickness(mesh: &Mesh, targets: &Targets, points: &mut [Point]) {
     let bodies = mesh.bodies();
     let body = |cell: CellId| bodies[mesh.cell_nodes(cell)[0].index()];
-    let bounds = targets.bounds(mesh, &[]);
+    let boxes = targets.boxes(mesh, &[]);
     points.par_iter_mut().for_each(|point| {
         if let Some(ray) = point.ray(mesh.dim(), &[]) {
             let is_own = |facet: FacetRef| body(facet.cell) == body(ray.cell);
-            point.back = 0.5 * targets.thickness(mesh, &bounds, &ray, is_own);
+            point.back = 0.5 * targets.thickness(mesh, &boxes, &ray, is_own);
         }
     });
 }

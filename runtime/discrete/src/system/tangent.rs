@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use wfl_compiler::Class;
 
-use super::{ActiveSet, Branches, FIXED, Numbering, System, pattern};
+use super::{ActiveSet, Branches, FIXED, Numbering, System, images::OfImages, pattern};
 use crate::assemble::{AssembledTerm, TermError};
 use crate::frames::Frames;
 use crate::share::Share;
@@ -56,19 +56,22 @@ pub struct Tangent {
     pub changing: Csr,
     /// In the axes of the scene, where local frames make that another one.
     scene_axes: Option<Csr>,
+    /// Where its pattern follows images.
+    pub(super) images: Option<OfImages>,
 }
 
 impl System {
-    /// A tangent of zeros with the pattern of this system.
+    /// A tangent of zeros with the pattern of this system; where images are followed it gets theirs with its values.
     #[must_use]
     pub fn new_tangent(&self) -> Tangent {
         Tangent {
             changing: Csr::zeros(self.changing.clone()),
             scene_axes: self.scene_axes.as_ref().map(|s| Csr::zeros(s.pattern.clone())),
+            images: self.follows_images().then(|| OfImages::new(&self.changing)),
         }
     }
 
-    /// The pattern of the changing terms over the free dofs.
+    /// The pattern of the changing terms over the free dofs, without those whose images are followed.
     #[must_use]
     pub fn changing_pattern(&self) -> &Arc<Pattern> {
         &self.changing
@@ -79,6 +82,13 @@ impl System {
     /// # Errors
     /// [`TermError`] with its place; `out` is zero then.
     pub fn tangent(&self, u: &[f64], branches: Branches<'_>, out: &mut Tangent) -> Result<(), TermError> {
+        if out.images.is_some() {
+            let result = self.tangent_of_images(u, branches, out);
+            if result.is_err() {
+                out.changing.values_mut().fill(0.0);
+            }
+            return result;
+        }
         let matrix = out.scene_axes.as_mut().unwrap_or(&mut out.changing);
         let result = self.add_tangents(u, branches, matrix);
         if let (Some(turned), Some(axes)) = (&mut out.scene_axes, &self.scene_axes) {

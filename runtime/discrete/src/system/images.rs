@@ -1,0 +1,161 @@
+//! Tangents whose pattern follows the images of points.
+//!
+//! Terms whose images stay have their places in the pattern of the system. Those whose images move couple the faces that images
+//! lie on at a state, and the faces around these; a tangent at a state whose images have left that gets another pattern,
+//! which within a step holds the one before. Promises: no entry of a tangent is lost. With frames, with dofs that follow
+//! others and on several ranks each face is coupled with all others at once.
+
+use std::sync::Arc;
+
+use wfl_compiler::Class;
+
+use super::{Branches, FIXED, StateValues, System, Tangent};
+use crate::assemble::{AssembledTerm, TermError};
+use wfl_sparse::csr::{Csr, Pattern, PatternBuilder};
+
+/// What a tangent keeps whose pattern follows images.
+#[derive(Clone, Debug)]
+pub(super) struct OfImages {
+    /// The terms whose images stay.
+    fixed: Csr,
+    /// Their places in the whole.
+    places: Vec<usize>,
+    /// The step that the pattern was made in: the step variable and its increment.
+    step: Option<[f64; 2]>,
+}
+
+impl OfImages {
+    pub(super) fn new(pattern: &Arc<Pattern>) -> Self {
+        Self { fixed: Csr::zeros(pattern.clone()), places: (0..pattern.n_entries()).collect(), step: None }
+    }
+}
+
+impl Tangent {
+    /// The values of the changing terms, with their rows and columns where these follow images: what [`Self::recall`] takes.
+    #[must_use]
+    pub fn memory(&self) -> Vec<f64> {
+        if self.images.is_none() {
+            return self.changing.values().to_vec();
+        }
+        let row = |row: usize| {
+            let (columns, values) = self.changing.row(row);
+            #[expect(clippy::cast_precision_loss, reason = "fewer than 2^32 rows")]
+            let row = row as f64;
+            columns.iter().zip(values).flat_map(move |(column, value)| [row, f64::from(*column), *value])
+        };
+        (0..self.changing.n_rows()).flat_map(row).collect()
+    }
+
+    /// Takes over values of [`Self::memory`]; false, and nothing is changed, if they are those of another system.
+    #[must_use]
+    pub fn recall(&mut self, memory: &[f64]) -> bool {
+        let Some(images) = &mut self.images else {
+            let fits = memory.len() == self.changing.values().len();
+            if fits {
+                self.changing.values_mut().copy_from_slice(memory);
+            }
+            return fits;
+        };
+        let (triplets, rest) = memory.as_chunks::<3>();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rows and columns are whole numbers")]
+        let triplets: Vec<(u32, u32, f64)> = triplets.iter().map(|[i, j, value]| (*i as u32, *j as u32, *value)).collect();
+        let (n_rows, n_cols) = (self.changing.n_rows(), self.changing.n_cols());
+        let Ok(matrix) = Csr::from_triplets(n_rows, n_cols, &triplets) else { return false };
+        let places = images.fixed.pattern().positions_in(matrix.pattern());
+        let (Some(places), true) = (places, rest.is_empty()) else { return false };
+        // a pattern that has not changed stays the same one
+        if **matrix.pattern() == **self.changing.pattern() {
+            self.changing.values_mut().copy_from_slice(matrix.values());
+        } else {
+            (images.places, self.changing) = (places, matrix);
+        }
+        images.step = None;
+        true
+    }
+}
+
+impl System {
+    /// True if the pattern of tangents follows images.
+    #[must_use]
+    pub fn follows_images(&self) -> bool {
+        let is_plain = self.numbering.frames.is_empty() && !self.numbering.has_ties() && self.share.is_none();
+        is_plain && self.has_moving_images()
+    }
+
+    /// The forms of the terms that change: the number of the term, and what is assembled for it.
+    fn changing_forms(&self, is_frozen: bool) -> impl Iterator<Item = &AssembledTerm> {
+        let changing = self.terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear);
+        changing.map(move |(k, term)| {
+            let frozen = self.frozen.iter().find(|f| is_frozen && f.term == k);
+            frozen.map_or(term, |f| &f.form)
+        })
+    }
+
+    /// The tangent of the changing terms at `u`, in a pattern that holds the images there.
+    pub(super) fn tangent_of_images(
+        &self,
+        u: &[f64],
+        branches: Branches<'_>,
+        out: &mut Tangent,
+    ) -> Result<(), TermError> {
+        let (values, is_frozen) = match branches {
+            Branches::AsWritten => (self.values(u), false),
+            Branches::Frozen(active) => (self.values_with(u, active), true),
+        };
+        let Some(images) = &mut out.images else { return Ok(()) };
+        let matrix = images.fixed.values_mut();
+        matrix.fill(0.0);
+        for term in self.changing_forms(is_frozen).filter(|t| !t.integrator.moves()) {
+            term.add_tangent(&self.mesh, values.view(), matrix)?;
+        }
+        if !self.add_images(&values, is_frozen, out)? {
+            self.renew(&values, is_frozen, out)?;
+            let is_complete = self.add_images(&values, is_frozen, out)?;
+            assert!(is_complete, "the pattern was made for these images");
+        }
+        Ok(())
+    }
+
+    /// Makes the tangent the fixed part and adds the terms whose images move. False if the pattern lacks an image.
+    fn add_images(&self, values: &StateValues<'_>, is_frozen: bool, out: &mut Tangent) -> Result<bool, TermError> {
+        let Some(images) = &out.images else { return Ok(true) };
+        let pattern = out.changing.pattern().clone();
+        let matrix = out.changing.values_mut();
+        matrix.fill(0.0);
+        images.places.iter().zip(images.fixed.values()).for_each(|(place, value)| matrix[*place] = *value);
+        for term in self.changing_forms(is_frozen).filter(|t| t.integrator.moves()) {
+            let on = (&pattern, self.numbering.free.as_slice());
+            if !term.add_tangent_of_images(&self.mesh, values.view(), on, matrix)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Gives a tangent a pattern for the images at these values.
+    fn renew(&self, values: &StateValues<'_>, is_frozen: bool, out: &mut Tangent) -> Result<(), TermError> {
+        let Some(images) = &mut out.images else { return Ok(()) };
+        let n = self.numbering.n_free();
+        let mut builder = PatternBuilder::new(n, n);
+        let place = |dofs: &[u32], places: &mut Vec<u32>| {
+            places.clear();
+            places.extend(dofs.iter().map(|d| self.numbering.free[*d as usize]).filter(|place| *place != FIXED));
+        };
+        let (mut rows, mut columns) = (Vec::new(), Vec::new());
+        for term in self.changing_forms(is_frozen).filter(|t| t.integrator.moves()) {
+            term.for_each_near(&self.mesh, values.view(), &mut |tests, trials| {
+                place(tests, &mut rows);
+                place(trials, &mut columns);
+                builder.add_coupling(&rows, &columns);
+            });
+        }
+        let step = Some([self.time, self.increment]);
+        let before = if images.step == step { out.changing.pattern() } else { images.fixed.pattern() };
+        let united = |added: Pattern| before.union(&added).map(Arc::new);
+        let pattern = builder.build().and_then(united).map_err(TermError::Matrix)?;
+        images.places = images.fixed.pattern().positions_in(&pattern).expect("a part of the union");
+        images.step = step;
+        out.changing = Csr::zeros(pattern);
+        Ok(())
+    }
+}
