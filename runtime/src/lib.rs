@@ -47,7 +47,7 @@ pub use scene::{
     Explicit, Forcing, FromWhole, GiveError, Given, InputFile, Measure, Measured, NO_SAMPLING, NamedRegion,
     ON_ANY_CELLS, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples,
     Sampling, Scene, SceneBox, ScenePart, Sketch, Solving, Source, StateAt, StateUpdate, StepPlace, Steps, TermSummary,
-    VtkOutput, messages_without_mesh, parts, prepare, prepare_keeping, prepare_part, prepare_refined, prepare_sampled,
+    VtkOutput, messages_without_mesh, parts, place_of_moving, prepare, prepare_keeping, prepare_part, prepare_refined, prepare_sampled,
     without_auto,
 };
 pub use solve::SolverMemory;
