@@ -157,10 +157,13 @@ impl Probe<'_> {
             facets.filter_map(move |(e, position)| Some((group.before + (*position)?, (g, e))))
         });
         // where images move each point is a group
-        let is_first = |(_, place): &(usize, Place)| !self.term.moves() || self.facet_of(place.0) != self.facet_before(place.0);
-        let own: Vec<(usize, Place)> = own.filter(is_first).enumerate().map(|(k, (n, place))| {
-            (if self.term.moves() { k } else { n }, place)
-        }).collect();
+        let is_first =
+            |(_, place): &(usize, Place)| !self.term.moves() || self.facet_of(place.0) != self.facet_before(place.0);
+        let own: Vec<(usize, Place)> = own
+            .filter(is_first)
+            .enumerate()
+            .map(|(k, (n, place))| (if self.term.moves() { k } else { n }, place))
+            .collect();
         let n_facets = if self.term.moves() { own.len() } else { groups.iter().map(|g| g.n).sum() };
         let stride = n_facets.div_ceil(FACETS).max(1);
         let mut chosen: Vec<Place> = own.iter().filter(|(n, _)| n % stride == 0).map(|(_, place)| *place).collect();
@@ -283,7 +286,10 @@ impl Probe<'_> {
             let entries = law.entries.iter().zip(&out[law.tests.len()..]);
             entries.map(|((i, j), x)| ((law.tests[usize::from(*i)], law.trials[usize::from(*j)]), *x)).collect()
         };
-        let linear = self.system.terms.iter().filter(|t| t.law.class == Class::Linear && !t.on_cells());
+        // beside a law whose normal turns the stresses are those of finite strain
+        let is_smooth = |t: &AssembledTerm| p.moves() && t.law.class > Class::Constant && t.kinks().is_empty();
+        let counts = |t: &&AssembledTerm| t.law.class == Class::Linear || is_smooth(t);
+        let linear = self.system.terms.iter().filter(|t| !t.on_cells()).filter(counts);
         [linear.flat_map(of).collect(), of(p.form(self.system))]
     }
 

@@ -128,6 +128,18 @@ impl MovingPoints {
         self.targets.facets()
     }
 
+    /// The displacements that images follow: of the points, and of the faces that they lie on.
+    #[must_use]
+    pub fn follows(&self) -> [&Follows; 2] {
+        [&self.here, &self.there]
+    }
+
+    /// How many points there are.
+    #[must_use]
+    pub fn n_points(&self) -> usize {
+        self.points.len()
+    }
+
     /// By face that images may lie on, in their order: those that share a vertex with it, itself included.
     #[must_use]
     pub fn around(&self, mesh: &Mesh) -> Vec<Vec<usize>> {
@@ -171,6 +183,22 @@ impl MovingPoints {
         let known = Some(Known { here: here.to_vec(), there: there.to_vec(), domain: Arc::clone(&domain) });
         *self.known.lock().unwrap_or_else(PoisonError::into_inner) = known;
         domain
+    }
+
+    /// By point whether it is so far inside the other body that it has no image.
+    #[must_use]
+    pub fn are_inside(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Vec<bool> {
+        let domain = self.at(mesh, current);
+        let (here, there) = (of(current, &self.here), of(current, &self.there));
+        if !domain.groups.iter().any(Group::has_lost_its_image) {
+            return vec![false; self.points.len()];
+        }
+        let boxes = self.targets.boxes(mesh, there);
+        let is_inside = |(point, group): (&Point, &Group)| {
+            let holds = |ray: &Ray| self.targets.hold(mesh, there, &boxes, ray);
+            group.has_lost_its_image() && point.ray(mesh.dim(), here).as_ref().is_some_and(holds)
+        };
+        self.points.par_iter().zip(&domain.groups).map(is_inside).collect()
     }
 
     /// A point with its image.

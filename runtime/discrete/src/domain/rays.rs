@@ -58,6 +58,13 @@ pub(super) struct Hit {
     pub(super) gap: f64,
 }
 
+/// Where a ray meets a face, from the front or not: its parameters, and how far along the ray.
+struct Crossing {
+    p: [f64; 3],
+    g: f64,
+    is_front: bool,
+}
+
 /// A face that rays may meet.
 #[derive(Clone, Debug)]
 struct Target {
@@ -161,7 +168,7 @@ impl Targets {
         for target in &self.list {
             let key = (mesh.kind(target.facet.cell).index(), target.facet.local);
             let tables = known.entry(key).or_insert_with(|| {
-                samples(mesh.facet_kind(target.facet)).iter().map(|p| self.tables(mesh, target, *p)).collect()
+                samples(mesh.facet_kind(target.facet)).iter().map(|p| self.tables(mesh, target, *p, 1)).collect()
             });
             let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
             for tables in tables {
@@ -185,7 +192,7 @@ impl Targets {
             if target.facet.cell == ray.cell || !meets(ray, &boxes.faces[k], [least.min(back), least]) {
                 continue;
             }
-            let Some((p, g)) = self.crossing(mesh, target, u, ray) else { continue };
+            let Some(Crossing { p, g, is_front: true }) = self.crossing(mesh, target, u, ray) else { continue };
             let scale = ALIKE * (ray.x.amax() + g.abs());
             let is_within = g <= self.reach && -g <= back;
             if is_within && best.is_none_or(|b| g.abs() < b.0.abs() - scale) {
@@ -198,13 +205,7 @@ impl Targets {
 
     /// How thick the body is behind the point of a ray, in the reference placement: the distance to the first of its `own`
     /// faces that the ray meets backwards, infinite where it meets none. Faces that touch the point are none of these.
-    pub(super) fn thickness(
-        &self,
-        mesh: &Mesh,
-        boxes: &Boxes,
-        ray: &Ray,
-        is_own: impl Fn(FacetRef) -> bool,
-    ) -> f64 {
+    pub(super) fn thickness(&self, mesh: &Mesh, boxes: &Boxes, ray: &Ray, is_own: impl Fn(FacetRef) -> bool) -> f64 {
         let mut least = f64::INFINITY;
         let mut near = Vec::new();
         self.tree.met(boxes, |bounds| meets(ray, bounds, [least, 0.0]), &mut near);
@@ -214,7 +215,7 @@ impl Targets {
                 continue;
             }
             let touching = TOUCHING * (bounds[1] - bounds[0]).norm();
-            if let Some((_, g)) = self.crossing(mesh, target, &[], ray)
+            if let Some(Crossing { g, is_front: true, .. }) = self.crossing(mesh, target, &[], ray)
                 && -g > touching
             {
                 least = least.min(-g);
@@ -223,11 +224,12 @@ impl Targets {
         least
     }
 
-    fn tables(&self, mesh: &Mesh, target: &Target, p: [f64; 3]) -> Tables {
+    /// With derivatives of the geometry up to `order`.
+    fn tables(&self, mesh: &Mesh, target: &Target, p: [f64; 3], order: usize) -> Tables {
         let kind = mesh.kind(target.facet.cell);
         let local = usize::from(target.facet.local);
         let r = [kind.facet_point(local, kind.facet_map(local).apply(p))];
-        [mesh.geometry_element(kind).tabulate(&r, 2), self.space.element_at(target.position).tabulate(&r, 1)]
+        [mesh.geometry_element(kind).tabulate(&r, order), self.space.element_at(target.position).tabulate(&r, 1)]
     }
 
     /// Where a point of the face is.
@@ -286,13 +288,30 @@ impl Targets {
         Some(Body { y: at.y, deformation, outward: at.outward? })
     }
 
-    /// The parameters where a ray meets a face from the front, and how far along the ray; `None` beside it.
-    fn crossing(&self, mesh: &Mesh, target: &Target, u: &[f64], ray: &Ray) -> Option<([f64; 3], f64)> {
+    /// Whether a ray begins inside a body of the faces, further than it may go back for an image: the nearest face behind is
+    /// one that it meets from the front.
+    pub(super) fn hold(&self, mesh: &Mesh, u: &[f64], boxes: &Boxes, ray: &Ray) -> bool {
+        let (mut near, mut nearest) = (Vec::new(), None);
+        self.tree.met(boxes, |bounds| meets(ray, bounds, [ray.back, 0.0]), &mut near);
+        for target in near.into_iter().map(|k| &self.list[k as usize]).filter(|t| t.facet.cell != ray.cell) {
+            if let Some(Crossing { g, is_front, .. }) = self.crossing(mesh, target, u, ray)
+                && g < 0.0
+                && -g <= ray.back
+                && nearest.is_none_or(|(least, _)| -g < least)
+            {
+                nearest = Some((-g, is_front));
+            }
+        }
+        nearest.is_some_and(|(_, is_front)| is_front)
+    }
+
+    /// Where a ray meets a face; `None` beside it.
+    fn crossing(&self, mesh: &Mesh, target: &Target, u: &[f64], ray: &Ray) -> Option<Crossing> {
         let (dim, kind) = (mesh.dim(), mesh.facet_kind(target.facet));
         let mut p = kind.reference_centre();
         let (mut g, mut last) = (0.0, f64::INFINITY);
         for _ in 0..ITERATIONS {
-            let at = self.place(mesh, target, u, &self.tables(mesh, target, p));
+            let at = self.place(mesh, target, u, &self.tables(mesh, target, p, 1));
             let mut m = Matrix3::identity();
             (0..dim - 1).for_each(|k| m.set_column(k, &at.current[k]));
             m.set_column(dim - 1, &-ray.n);
@@ -312,13 +331,13 @@ impl Targets {
         if !(last < FOUND && is_inside && g.is_finite()) {
             return None;
         }
-        let at = self.place(mesh, target, u, &self.tables(mesh, target, p));
-        (at.outward?.dot(&ray.n) < 0.0).then_some((p, g))
+        let at = self.place(mesh, target, u, &self.tables(mesh, target, p, 1));
+        Some(Crossing { p, g, is_front: at.outward?.dot(&ray.n) < 0.0 })
     }
 
     /// What is told of a hit.
     fn hit_at(&self, mesh: &Mesh, target: &Target, u: &[f64], p: [f64; 3]) -> Option<Hit> {
-        let tables = self.tables(mesh, target, p);
+        let tables = self.tables(mesh, target, p, 2);
         let at = self.place(mesh, target, u, &tables);
         let dim = mesh.dim();
         let shift = pseudo_inverse(&at.current, dim)?;

@@ -13,6 +13,9 @@ use super::{Branches, FIXED, StateValues, System, Tangent};
 use crate::assemble::{AssembledTerm, TermError};
 use wfl_sparse::csr::{Csr, Pattern, PatternBuilder};
 
+/// How often a way is halved on which points go through a surface.
+const HALVINGS: usize = 8;
+
 /// What a tangent keeps whose pattern follows images.
 #[derive(Clone, Debug)]
 pub(super) struct OfImages {
@@ -57,8 +60,13 @@ impl Tangent {
             return fits;
         };
         let (triplets, rest) = memory.as_chunks::<3>();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rows and columns are whole numbers")]
-        let triplets: Vec<(u32, u32, f64)> = triplets.iter().map(|[i, j, value]| (*i as u32, *j as u32, *value)).collect();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "rows and columns are whole numbers"
+        )]
+        let triplets: Vec<(u32, u32, f64)> =
+            triplets.iter().map(|[i, j, value]| (*i as u32, *j as u32, *value)).collect();
         let (n_rows, n_cols) = (self.changing.n_rows(), self.changing.n_cols());
         let Ok(matrix) = Csr::from_triplets(n_rows, n_cols, &triplets) else { return false };
         let places = images.fixed.pattern().positions_in(matrix.pattern());
@@ -80,6 +88,35 @@ impl System {
     pub fn follows_images(&self) -> bool {
         let is_plain = self.numbering.frames.is_empty() && !self.numbering.has_ties() && self.share.is_none();
         is_plain && self.has_moving_images()
+    }
+
+    /// The points that are inside another body and have no image there, of all terms.
+    fn n_inside(&self, u: &[f64]) -> usize {
+        let values = self.slices(u);
+        let moving = self.terms.iter().filter_map(|t| t.integrator.domain.moving.as_ref());
+        let inside = moving.map(|points| points.are_inside(&self.mesh, &values).into_iter().filter(|is| *is).count());
+        inside.sum()
+    }
+
+    /// How much of a part of the way from one state to another may be gone so that no more points go through the surface of
+    /// another body, further than their images may be: there the force of contact ends, and a residual without it is no
+    /// smaller one. All of it where halving does not help.
+    #[must_use]
+    pub fn way_of_images(&self, from: &[f64], to: &[f64], part: f64) -> f64 {
+        if !self.has_moving_images() {
+            return part;
+        }
+        let before = self.n_inside(from);
+        let mut u = vec![0.0; from.len()];
+        let mut tried = part;
+        for _ in 0..HALVINGS {
+            u.iter_mut().zip(from.iter().zip(to)).for_each(|(u, (a, b))| *u = a + tried * (b - a));
+            if self.n_inside(&u) <= before {
+                return tried;
+            }
+            tried *= 0.5;
+        }
+        part
     }
 
     /// The forms of the terms that change: the number of the term, and what is assembled for it.

@@ -1,6 +1,11 @@
 //! Bodies that slide far, through mappings whose images follow them: forces of another program, invariance, momentum, shifts
 //! of images, and what is refused.
 
+mod campaign;
+mod judged;
+mod pattern;
+mod speed;
+
 use std::path::Path;
 
 use wfl_compiler::InterpreterBackend;
@@ -132,6 +137,27 @@ solver newton with tol=1e-14
         assert!(normal[1] > 1e-3, "{normal:?}");
         for (step, force) in normal.iter().enumerate().skip(2) {
             assert!((force - normal[1]).abs() < 1e-12 * normal[1], "step {step}: {force} after {}", normal[1]);
+        }
+    }
+}
+
+/// Two rings that are pressed into each other keep the pressure of Lamé when they are turned by 90 degrees.
+#[test]
+fn a_shrink_fit_that_is_turned_keeps_the_pressure_of_lame() {
+    let text = std::fs::read_to_string(examples().join("sliding/shrink_fit.wfl")).expect("an example");
+    let found = solve(&examples().join("sliding"), text, &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(found.outcome.converged() && found.outcome.warnings.is_empty(), "{:?}", doubts(&found.outcome));
+    // each ring is held on its other side: its pressure is its stiffness times what its face moves
+    let (e, nu, delta, gamma) = (1000.0, 0.3, 1e-4, 2e4);
+    let (a, b, c) = (0.5f64, 1.0f64, 1.5f64);
+    let (la, mu) = (e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), e / (2.0 * (1.0 + nu)));
+    let gives = |r: f64| (r * r - b * b).abs() / b / (2.0 * (la + mu) + 2.0 * mu * r * r / (b * b));
+    let lame = delta / (gives(a) + gives(c) + 1.0 / gamma);
+    for name in ["p", "least", "most"] {
+        let pressure = measure(&found, name);
+        for p in &pressure {
+            assert!((p - lame).abs() < 2e-4 * lame, "{name}: {p} in place of {lame}");
+            assert!((p - pressure[0]).abs() < 1e-9 * lame, "{name}: {p} after {}", pressure[0]);
         }
     }
 }
