@@ -102,7 +102,7 @@ pub struct AssembledTerm {
     residual_needs: Needs,
     tangent_needs: Needs,
     /// For each group.
-    plans: Arc<Vec<TangentPlan>>,
+    plans: Arc<Vec<Arc<TangentPlan>>>,
     /// For each group, once a pattern is known.
     scatters: Arc<Vec<Scatter>>,
     located: Option<Arc<Located>>,
@@ -159,8 +159,7 @@ impl AssembledTerm {
         let summands = Summands::new(&law, binding, n_bases);
         let read = entries.reads(&law);
         let tangent_needs = binding.needs_of(n_bases, |k| read[k], true, true);
-        let plans: Vec<TangentPlan> =
-            (0..binding.groups.len()).map(|g| TangentPlan::new(binding, g, &entries)).collect();
+        let plans = (0..binding.groups.len()).map(|g| Arc::new(TangentPlan::new(binding, g, &entries))).collect();
         let moving = integrator.moves().then(|| Moving::new(starts));
         Self {
             moving,
@@ -230,7 +229,7 @@ impl AssembledTerm {
         if self.entries.list.is_empty() {
             return;
         }
-        if let Some(moved) = self.moved(mesh, values) {
+        if let Some(moved) = self.moved_with_plans(mesh, values) {
             return moved.add_own_diagonal(mesh, values, diagonal, share);
         }
         let diagonal = shared(diagonal);

@@ -23,7 +23,7 @@ use super::{
 use crate::space::Space;
 use wfl_mesh::{
     element::Table,
-    mesh::{CellId, FacetRef, Image, Mesh},
+    mesh::{CellId, CellKind, FacetRef, Image, Mesh},
 };
 
 /// A displacement that images follow: its field, and where that has its nodes.
@@ -87,6 +87,8 @@ pub struct MovingPoints {
     pub(super) spare: Image,
     /// How far ahead it is put.
     ahead: f64,
+    /// By kind of the cells behind the faces: the basis of the geometry at its own nodes.
+    corners: BTreeMap<CellKind, Table>,
     known: Mutex<Option<Known>>,
 }
 
@@ -119,8 +121,14 @@ impl MovingPoints {
         let (low, high) = mesh.bounds();
         let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         let ahead = if reach.is_finite() { reach } else { extent };
+        let corners = targets.facets().map(|facet| {
+            let element = mesh.geometry_element(mesh.kind(facet.cell));
+            (mesh.kind(facet.cell), element)
+        });
+        let corners = corners.collect::<BTreeMap<_, _>>().into_iter();
+        let corners = corners.map(|(kind, element)| (kind, element.tabulate(element.points(), 1))).collect();
         let (over, n_entities) = (base.over, base.n_entities);
-        Some(Self { over, n_entities, points, here, there, targets, spare, ahead, known: Mutex::default() })
+        Some(Self { over, n_entities, points, here, there, targets, spare, ahead, corners, known: Mutex::default() })
     }
 
     /// The faces that images may lie on.
@@ -213,9 +221,14 @@ impl MovingPoints {
             None => (self.spare, ImageMotion { normal, ..self.nowhere(ray.as_ref(), there) }, 0.0),
         };
         let kind = mesh.kind(image.cell);
-        let mut side = GroupSide::new(mesh, kind, vec![image.reference]);
-        side.cells.push(image.cell);
-        side.facets.extend(image.facet);
+        let side = GroupSide {
+            kind,
+            cells: vec![image.cell],
+            facets: image.facet.into_iter().collect(),
+            geometry: mesh.geometry_element(kind).tabulate(&[image.reference], 2),
+            points: vec![image.reference],
+            corners: self.corners.get(&kind).cloned().unwrap_or_default(),
+        };
         Group {
             weights: vec![weight],
             there: Some(side),

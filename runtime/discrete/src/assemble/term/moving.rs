@@ -42,7 +42,7 @@ impl Moving {
 }
 
 impl AssembledTerm {
-    /// The term with the images of a state, to be evaluated; `None` where images stay.
+    /// The term with the images of a state, to be evaluated without derivatives; `None` where images stay.
     pub(super) fn moved(&self, mesh: &Mesh, values: FieldValues<'_>) -> Option<Arc<Self>> {
         let moving = self.moving.as_ref()?;
         let integrator = self.integrator.at(mesh, values.current);
@@ -52,11 +52,9 @@ impl AssembledTerm {
         }
         let groups = integrator.binding.groups.iter().zip(&integrator.domain.groups);
         let dofs = groups.map(|(binding, group)| local_dofs(binding, group.entities.len(), &moving.starts)).collect();
-        let plan = |g: usize| TangentPlan::new(&integrator.binding, g, &self.entries);
-        let plans: Vec<TangentPlan> = (0..integrator.binding.groups.len()).map(plan).collect();
         let made = Arc::new(Self {
             dofs: Arc::new(dofs),
-            plans: Arc::new(plans),
+            plans: Arc::default(),
             integrator,
             scatters: Arc::default(),
             kept: Default::default(),
@@ -67,9 +65,29 @@ impl AssembledTerm {
         Some(made)
     }
 
+    /// The same with what its tangent is made by: one plan for all points whose functions are the same.
+    pub(super) fn moved_with_plans(&self, mesh: &Mesh, values: FieldValues<'_>) -> Option<Arc<Self>> {
+        let moved = self.moved(mesh, values)?;
+        if moved.plans.len() == moved.dofs.len() {
+            return Some(moved);
+        }
+        let binding = &moved.integrator.binding;
+        let mut known = BTreeMap::new();
+        let plan = |g: usize| {
+            let new = || Arc::new(TangentPlan::new(binding, g, &self.entries));
+            Arc::clone(known.entry(binding.groups[g].functions()).or_insert_with(new))
+        };
+        let plans = (0..binding.groups.len()).map(plan).collect();
+        let planned = Arc::new(Self { plans: Arc::new(plans), ..(*moved).clone() });
+        if let Some(moving) = &self.moving {
+            *moving.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&planned));
+        }
+        Some(planned)
+    }
+
     /// The same with its places in the matrix.
     pub(super) fn moved_in_matrix(&self, mesh: &Mesh, values: FieldValues<'_>) -> Option<Arc<Self>> {
-        let moved = self.moved(mesh, values)?;
+        let moved = self.moved_with_plans(mesh, values)?;
         if moved.located.is_none() || !moved.scatters.is_empty() {
             return Some(moved);
         }
@@ -94,7 +112,9 @@ impl AssembledTerm {
         on: (&Arc<Pattern>, &[u32]),
         matrix: &mut [f64],
     ) -> Result<bool, TermError> {
-        let (Some(moving), Some(moved)) = (&self.moving, self.moved(mesh, values)) else { return Ok(true) };
+        let (Some(moving), Some(moved)) = (&self.moving, self.moved_with_plans(mesh, values)) else {
+            return Ok(true);
+        };
         if self.entries.list.is_empty() {
             return Ok(true);
         }
