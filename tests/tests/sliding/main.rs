@@ -92,11 +92,25 @@ fn the_library_is_the_form_that_is_written_out() {
 /// The forces on the block at 30 steps are those of GetFEM for the same form, and no step needs many iterations.
 #[test]
 fn ironing_has_the_forces_of_getfem() {
+    irons_like_getfem(&examples().join("sliding"), "sliding_ironing.json", &[]);
+}
+
+/// The same on cells half as large.
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn ironing_on_a_finer_mesh_has_the_forces_of_getfem() {
+    let edits = [("ironing.msh", "sliding_ironing_2.msh"), ("gamma = 40", "gamma = 80"), ("\nexpect", "\n# expect")];
+    irons_like_getfem(&Path::new(env!("CARGO_MANIFEST_DIR")).join("reference"), "sliding_ironing_2.json", &edits);
+}
+
+/// The forces of the scene with another mesh of `folder` are these numbers.
+fn irons_like_getfem(folder: &Path, numbers: &str, edits: &[(&str, &str)]) {
     let text = std::fs::read_to_string(examples().join("sliding/ironing.wfl")).expect("an example");
-    let found = solve(&examples().join("sliding"), text, &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    let text = edits.iter().fold(text, |text, (from, to)| text.replace(from, to));
+    let found = solve(folder, text, &[], &[]).unwrap_or_else(|e| panic!("{e}"));
     assert!(found.outcome.converged());
     assert!(found.outcome.warnings.is_empty(), "{:?}", found.outcome.warnings);
-    let of_getfem = reference("sliding_ironing.json");
+    let of_getfem = reference(numbers);
     for name in ["Fx", "Fy"] {
         let expected: Vec<f64> =
             of_getfem[name].as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect();
