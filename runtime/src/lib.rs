@@ -20,8 +20,8 @@ pub use wfl_checks::{self as checks, consistency};
 pub use wfl_contact as contact;
 use wfl_discrete::value;
 pub use wfl_discrete::{
-    assemble, field, finite, frames, lumped, point_space, point_values, pruning, rates, redistribution, share, space,
-    system,
+    assemble, domain, field, finite, frames, lumped, point_space, point_values, pruning, rates, redistribution, share,
+    space, system,
 };
 use wfl_host::halo;
 pub use wfl_host::{input, memory, reading, team};
@@ -47,8 +47,8 @@ pub use scene::{
     Explicit, Forcing, FromWhole, GiveError, Given, InputFile, Measure, Measured, NO_SAMPLING, NamedRegion,
     ON_ANY_CELLS, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples,
     Sampling, Scene, SceneBox, ScenePart, Sketch, Solving, Source, StateAt, StateUpdate, StepPlace, Steps, TermSummary,
-    VtkOutput, messages_without_mesh, parts, prepare, prepare_keeping, prepare_part, prepare_refined, prepare_sampled,
-    without_auto,
+    VtkOutput, messages_without_mesh, parts, place_of_moving, prepare, prepare_keeping, prepare_part, prepare_refined,
+    prepare_sampled, without_auto,
 };
 pub use solve::SolverMemory;
 pub use system::{

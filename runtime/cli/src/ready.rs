@@ -3,7 +3,7 @@
 use std::{path::PathBuf, time::Instant};
 
 use wfl::Diagnostic;
-use wfl_runtime::{Outcome, RunError, RunOptions, Scene, output::check_name};
+use wfl_runtime::{Outcome, RunError, RunOptions, Scene, output::check_name, place_of_moving};
 use wfl_tasks::{
     Loaded, VERSION,
     advice::{before_run, found_parameters},
@@ -71,8 +71,14 @@ impl Ready {
 /// Checks what there is to check before a run; the seconds that it takes.
 pub(crate) fn checked(args: &RunArgs, loaded: &mut Loaded, scene: &Scene) -> Result<f64, String> {
     if args.backend.library().is_some() && scene.system.has_moving_images() {
-        let why = "a mapping that moves needs the solvers of this program (E802)\n  = help: leave --backend out";
-        return Err(why.to_owned());
+        let d = Diagnostic::new("E802", "a mapping that moves needs the solvers of this program");
+        let d = d.help("leave --backend out, and mpirun");
+        loaded.messages.push(match place_of_moving(&loaded.script) {
+            Some(span) => d.at(span, "the matrix follows its images"),
+            None => d,
+        });
+        print_all(&loaded.messages, &loaded.sources);
+        return Err("nothing was solved".to_owned());
     }
     let begin = Instant::now();
     let found = before_run(loaded, scene);

@@ -1,10 +1,11 @@
 //! What a command line asks of a run that does not go together.
 
+use wfl::Diagnostic;
 use wfl_runtime::{
     Scene,
     accuracy::MESH_FILE,
     gradient::{Request, not_together},
-    may_begin,
+    may_begin, place_of_moving,
 };
 use wfl_tasks::{Loaded, folder::error_line, gradient::files};
 
@@ -27,6 +28,14 @@ pub(crate) fn says_more_of_no_accuracy(args: &RunArgs) -> bool {
 
 /// Whether a setting can be picked for an accuracy; says why not.
 pub(crate) fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
+    if scene.system.has_moving_images()
+        && let Some(span) = place_of_moving(&loaded.script)
+    {
+        let d = Diagnostic::new("E802", "no accuracy is estimated where a mapping moves");
+        let d = d.at(span, "its images follow the bodies").help("compare runs on two meshes: wfl sweep");
+        print_all(&[d], &loaded.sources);
+        return false;
+    }
     if !loaded.knobs.is_empty() {
         say("error: mesh, degree and tolerance are picked for the accuracy: they cannot be given, too\n");
         return false;
@@ -54,7 +63,7 @@ pub(crate) fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
 
 /// Whether what is asked for beside the results of a run can be done, looked at before anything is; says why not.
 pub(crate) fn may_do_more(args: &RunArgs, loaded: &Loaded, scene: &Scene, request: Option<&Request>) -> bool {
-    if let Some(d) = request.and_then(|_| not_together(scene)) {
+    if let Some(d) = request.and_then(|_| not_together(scene, &loaded.script)) {
         print_all(&[d], &loaded.sources);
         return false;
     }

@@ -398,3 +398,28 @@ fn an_expectation_that_does_not_hold_fails_the_run() {
         }
     }
 }
+
+/// What does not go with a mapping that moves is refused at its line, before anything is done.
+#[test]
+fn what_does_not_go_with_images_that_move_is_refused_at_their_mapping() {
+    let folder = Folder::new("moving_refused");
+    let from = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/sliding");
+    for name in ["ironing.wfl", "ironing.msh"] {
+        folder.write(name, std::fs::read_to_string(from.join(name)).expect("an example"));
+    }
+    let words = [
+        ("E470", &["run", "ironing.wfl", "--gradient", "Fx", "--with", "gamma"][..]),
+        ("E802", &["run", "ironing.wfl", "--accuracy", "1e-2", "--of", "Fx"]),
+    ];
+    let text = std::fs::read_to_string(from.join("ironing.wfl")).expect("an example");
+    let (line, column, source) = place(&text, "m = raytrace");
+    for (expected, words) in words {
+        let output = folder.wfl(words);
+        let message = said(&output);
+        assert_eq!(code(&output), 1, "{message}");
+        for part in [format!("error[{expected}]"), format!("ironing.wfl:{line}:{column}"), source.clone()] {
+            assert!(message.contains(&part), "`{part}` is missing in\n{message}");
+        }
+        assert_eq!(folder.names("."), ["ironing.msh", "ironing.wfl"], "nothing may be written");
+    }
+}

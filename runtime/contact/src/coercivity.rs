@@ -28,7 +28,7 @@ use point::PointLaw;
 use wfl_discrete::assemble::{AssembledTerm, Bound, FieldValues, Group, Workspace};
 use wfl_discrete::field::Field;
 use wfl_discrete::system::System;
-use wfl_mesh::mesh::CellId;
+use wfl_mesh::mesh::{CellId, FacetRef};
 
 /// Facets that are looked at, spread over the interface; as many more with the thinnest cells.
 const FACETS: usize = 8;
@@ -103,9 +103,7 @@ pub fn is_consistent(system: &System, contact: &Contact) -> bool {
 pub fn coercivity(system: &System, contact: &Contact) -> Vec<Coercivity> {
     let zero = vec![0.0; system.numbering.n_dofs];
     let values = system.values_with(&zero, contact.active_set());
-    // which parameter is safe depends on the pairs of cells, which are others as bodies slide
-    let stay = contact.terms().iter().filter(|term| !term.moves());
-    stay.filter_map(|term| of_term(system, term, values.view())).collect()
+    contact.terms().iter().filter_map(|term| of_term(system, term, values.view())).collect()
 }
 
 impl ContactTerm {
@@ -154,12 +152,20 @@ impl Probe<'_> {
     /// The facets that are looked at, those of them that this rank counts; made by all ranks together.
     fn places(&self) -> Vec<Place> {
         let groups = self.term.sampled.domain.places(&self.system.mesh);
-        let stride = groups.iter().map(|g| g.n).sum::<usize>().div_ceil(FACETS).max(1);
         let own = groups.iter().enumerate().flat_map(|(g, group)| {
             let facets = group.of.iter().enumerate();
             facets.filter_map(move |(e, position)| Some((group.before + (*position)?, (g, e))))
         });
-        let own: Vec<(usize, Place)> = own.collect();
+        // where images move each point is a group
+        let is_first =
+            |(_, place): &(usize, Place)| !self.term.moves() || self.facet_of(place.0) != self.facet_before(place.0);
+        let own: Vec<(usize, Place)> = own
+            .filter(is_first)
+            .enumerate()
+            .map(|(k, (n, place))| (if self.term.moves() { k } else { n }, place))
+            .collect();
+        let n_facets = if self.term.moves() { own.len() } else { groups.iter().map(|g| g.n).sum() };
+        let stride = n_facets.div_ceil(FACETS).max(1);
         let mut chosen: Vec<Place> = own.iter().filter(|(n, _)| n % stride == 0).map(|(_, place)| *place).collect();
         if stride > 1 {
             let in_order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
@@ -179,6 +185,30 @@ impl Probe<'_> {
         chosen
     }
 
+    /// The facet of the first entity of a group.
+    fn facet_of(&self, group: usize) -> Option<FacetRef> {
+        self.term.sampled.domain.groups.get(group)?.here.facets.first().copied()
+    }
+
+    /// That of the group before.
+    fn facet_before(&self, group: usize) -> Option<FacetRef> {
+        group.checked_sub(1).and_then(|before| self.facet_of(before))
+    }
+
+    /// The points of a facet.
+    fn n_points(&self, place: Place) -> usize {
+        let groups = &self.term.sampled.domain.groups;
+        if !self.term.moves() {
+            return groups[place.0].n_points();
+        }
+        (place.0..groups.len()).take_while(|g| self.facet_of(*g) == self.facet_of(place.0)).count()
+    }
+
+    /// Group, entity and number of a point of a facet. Where images move each point is a group of its own.
+    fn spot(&self, place: Place, point: usize) -> (usize, usize, usize) {
+        if self.term.moves() { (place.0 + point, 0, 0) } else { (place.0, place.1, point) }
+    }
+
     /// How far the centre of the cell is from that of the facet.
     fn height(&self, place: Place) -> f64 {
         let (g, entity) = place;
@@ -191,6 +221,7 @@ impl Probe<'_> {
     /// Parameter, variant, trace constant and bound of a facet, in the order of [`Coercivity`].
     fn facet(&self, place: Place) -> Option<[f64; 4]> {
         let group = &self.term.sampled.domain.groups[place.0];
+        // the cell of an image, where it moves: it stands for all that the facet may come to
         let mut cells = vec![group.here.cells[place.1]];
         if self.term.law.law.inputs.iter().any(|slot| is_stress(&self.system.fields, slot, Some(Side::There))) {
             cells.extend(group.there.as_ref().map(|t| t.cells[place.1]));
@@ -231,30 +262,43 @@ impl Probe<'_> {
         let values = FieldValues { current: &current, ..at };
         let facet = p.sampled.domain.groups[place.0].here.facets[place.1];
         let of = |term: &AssembledTerm| -> Vec<Entry> {
+            let (spot, has_images) = (self.spot(place, point), term.integrator.moves());
             let groups = term.integrator.domain.groups.iter().enumerate();
             let at = |(g, group): (usize, &Group)| Some((g, group.here.facets.iter().position(|f| *f == facet)?));
             let found = groups.filter(|(_, group)| !group.is_global && point < group.n_points()).find_map(at);
+            let found = if has_images { Some((spot.0, spot.1)) } else { found };
             let Some((g, entity)) = found else { return Vec::new() };
+            let point = if has_images { spot.2 } else { point };
             let (domain, binding) = (&term.integrator.domain, &term.integrator.binding);
             let mut workspace = Workspace::default();
             workspace.prepare(Bound { mesh: &self.system.mesh, domain, binding }, g, entity / LANES, values);
             let law = &term.law;
             let n = law.inputs.len();
-            let input = |s: usize| Dd::from_f64(workspace.inputs[(point * n + s) * LANES + entity % LANES]);
-            let inputs: Vec<Dd> = (0..n).map(input).collect();
+            let input = |s: usize| workspace.inputs[(point * n + s) * LANES + entity % LANES];
+            let mut inputs: Vec<f64> = (0..n).map(input).collect();
+            if has_images {
+                inputs = ContactTerm::at_touch(self.system, &domain.groups[g], &law.inputs, &inputs);
+            }
+            let inputs: Vec<Dd> = inputs.into_iter().map(Dd::from_f64).collect();
             let uniforms: Vec<Dd> = term.uniforms().iter().map(|x| Dd::from_f64(*x)).collect();
             let mut out = vec![Dd::ZERO; law.tangent.kernel().outputs.len()];
             interpret(&law.tangent, &uniforms, &inputs, &mut Vec::new(), &mut out);
             let entries = law.entries.iter().zip(&out[law.tests.len()..]);
             entries.map(|((i, j), x)| ((law.tests[usize::from(*i)], law.trials[usize::from(*j)]), *x)).collect()
         };
-        let linear = self.system.terms.iter().filter(|t| t.law.class == Class::Linear && !t.on_cells());
+        // beside a law whose normal turns the stresses are those of finite strain
+        let is_smooth = |t: &AssembledTerm| p.moves() && t.law.class > Class::Constant && t.kinks().is_empty();
+        let counts = |t: &&AssembledTerm| t.law.class == Class::Linear || is_smooth(t);
+        let linear = self.system.terms.iter().filter(|t| !t.on_cells()).filter(counts);
         [linear.flat_map(of).collect(), of(p.form(self.system))]
     }
 
     /// The laws at the points of a facet.
     fn laws(&self, place: Place) -> Vec<PointLaw> {
-        let n_points = self.term.sampled.domain.groups[place.0].n_points();
+        let n_points = self.n_points(place);
+        if self.term.moves() {
+            return (0..n_points).map(|point| self.law(place, point, self.zero)).collect();
+        }
         if !self.is_affine() {
             let touching =
                 |point| self.touching(place, point).unwrap_or_else(|| self.law(place, point, self.zero).open());
@@ -374,13 +418,12 @@ impl Probe<'_> {
 
     /// The gradients that a unit of each dof makes at the points of a facet.
     fn gradients(&self, place: Place, dofs: &[u32]) -> Vec<Gradients> {
-        let (g, entity) = place;
         let (p, slots) = (self.term, self.gradient_slots());
         let inputs = &p.law.law.inputs;
         let read = |slot: &BasisSlot| inputs.iter().position(|input| *input == InputSlot::Field(*slot));
         let rows: Vec<(usize, usize)> =
             slots.iter().enumerate().filter_map(|(row, slot)| Some((row, read(slot)?))).collect();
-        let n_points = p.sampled.domain.groups[g].n_points();
+        let n_points = self.n_points(place);
         let none = |_| Gradients { weight: 0.0, columns: DMatrix::zeros(slots.len(), dofs.len()) };
         let mut found: Vec<Gradients> = (0..n_points).map(none).collect();
         let mut workspace = Workspace::default();
@@ -391,24 +434,32 @@ impl Probe<'_> {
             let Some((field, node)) = before.next_back() else { continue };
             let kept = std::mem::replace(&mut unit[field][node], 1.0);
             let current: Vec<&[f64]> = unit.iter().map(Vec::as_slice).collect();
-            workspace.prepare(self.bound(), g, entity / LANES, FieldValues { current: &current, ..self.zero });
-            unit[field][node] = kept;
-            for (q, at) in found.iter_mut().enumerate() {
+            for (point, at) in found.iter_mut().enumerate() {
+                let (g, entity, q) = self.spot(place, point);
+                if q == 0 {
+                    let values = FieldValues { current: &current, ..self.zero };
+                    workspace.prepare(self.bound(), g, entity / LANES, values);
+                }
                 let inputs = p.point_inputs(&workspace, q, entity % LANES);
                 rows.iter().for_each(|(row, input)| at.columns[(*row, column)] = inputs[*input]);
                 at.weight = workspace.weight(q)[entity % LANES];
             }
+            unit[field][node] = kept;
         }
         found
     }
 
     /// The derivatives of the arguments at a point of a facet.
     fn slopes(&self, place: Place, point: usize, at: FieldValues<'_>) -> Vec<f64> {
-        let (g, entity) = place;
+        let (g, entity, q) = self.spot(place, point);
         let p = self.term;
         let mut workspace = Workspace::default();
         workspace.prepare(self.bound(), g, entity / LANES, at);
-        p.slopes.at_point(&p.point_inputs(&workspace, point, entity % LANES))
+        let mut inputs = p.point_inputs(&workspace, q, entity % LANES);
+        if p.moves() {
+            inputs = ContactTerm::at_touch(self.system, &p.sampled.domain.groups[g], &p.law.law.inputs, &inputs);
+        }
+        p.slopes.at_point(&inputs)
     }
 
     fn bound(&self) -> Bound<'_> {

@@ -254,9 +254,9 @@ struct Motion {
 }
 
 /// What each contact law leaves of gaps and friction cones at `u`, whose largest displacement is `moved`, with the name
-/// of its term. A law that moves nothing itself is left out beside one that does, and so are laws on cells, laws whose gap
-/// turns with the bodies (images that move: it has a part in gradients, which count as tractions here), and laws that
-/// push nothing ([`ContactTerm::pushes`]).
+/// of its term. A law that moves nothing itself is left out beside one that does, and so are laws on cells, and laws that
+/// push nothing ([`ContactTerm::pushes`]). Of a law whose images follow the bodies it is what their rays tell
+/// (`following.rs`).
 #[must_use]
 pub fn contact_gaps<'a>(
     system: &'a System,
@@ -269,7 +269,7 @@ pub fn contact_gaps<'a>(
     let some_act = contact.terms().iter().any(|term| term.acts_on_displacements(system));
     let counts = |t: &&ContactTerm| {
         let acts = if some_act { t.acts_on_displacements(system) } else { t.pushes(system) };
-        acts && !t.on_cells() && !t.moves()
+        acts && !t.on_cells()
     };
     let still = vec![0.0; if look == Look::Careful { u.len() } else { 0 }];
     let of = |t: &ContactTerm| {
@@ -277,6 +277,9 @@ pub fn contact_gaps<'a>(
         let mut current: Vec<&[f64]> = values.current.clone();
         data.stand_in(t.field, &mut current);
         let written = FieldValues { current: &current, ..values.view() };
+        if t.moves() {
+            return (system.terms[t.term].law.name.as_str(), t.gaps_of_images(system, written));
+        }
         let careful = (look == Look::Careful).then(|| {
             let rest = system.values_with(&still, contact.active_set());
             t.look(system, written, rest.view())

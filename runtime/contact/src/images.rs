@@ -17,6 +17,8 @@ pub struct Images {
     pub found: Vec<bool>,
     /// By point: it has an image and presses on it.
     pub pressed: Vec<bool>,
+    /// By point: it is inside the other body and so far from its surface that it has no image.
+    pub inside: Vec<bool>,
 }
 
 impl Images {
@@ -38,8 +40,10 @@ pub fn images(system: &System, contact: &Contact, u: &[f64]) -> Vec<Images> {
         let sampled = term.sampled.at(&system.mesh, values.view().current);
         let found: Vec<bool> = sampled.domain.groups.iter().map(|group| !group.has_lost_its_image()).collect();
         let points = term.points_at(system, values.view());
+        let follows = term.sampled.domain.moving.as_ref();
+        let inside = follows.map(|follows| follows.are_inside(&system.mesh, values.view().current)).unwrap_or_default();
         let pressed = points.iter().zip(&found).map(|(point, found)| *found && term.presses(point)).collect();
-        Images { term: term.term, found, pressed }
+        Images { term: term.term, found, pressed, inside }
     };
     contact.terms().iter().filter(|term| term.moves()).map(of).collect()
 }

@@ -23,6 +23,7 @@ mod conditions;
 mod coupling;
 mod creep;
 mod flexibility;
+mod following;
 mod friction_work;
 mod images;
 mod joints;

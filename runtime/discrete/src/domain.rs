@@ -4,6 +4,7 @@
 //! one orientation towards the neighbour) have the same reference points, so basis tables are made once a group;
 //! entities of a group are processed [`LANES`] at a time. Weights are those of the reference entity.
 
+mod boxes;
 mod moving;
 mod points;
 mod rays;

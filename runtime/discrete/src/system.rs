@@ -12,6 +12,7 @@ mod cancelled;
 mod equations;
 mod finite_strain;
 mod form;
+mod images;
 mod inspect;
 mod known;
 mod linear;
@@ -189,7 +190,10 @@ impl System {
     fn locate(&mut self) -> Result<(), CsrError> {
         let (numbering, share) = (&self.numbering, self.share.as_deref());
         let changes = |t: &&AssembledTerm| t.law.class >= Class::Nonlinear;
-        let all = self.terms.iter().filter(changes).chain(self.frozen.iter().map(|f| &f.form));
+        // images that are followed have places in each tangent
+        let follows = self.follows_images();
+        let has_places = |t: &&AssembledTerm| !(follows && t.integrator.moves());
+        let all = self.terms.iter().filter(changes).chain(self.frozen.iter().map(|f| &f.form)).filter(has_places);
         let axes = if numbering.frames.is_empty() && !numbering.has_ties() {
             let place = |d: u32| numbering.free[d as usize];
             let free = pattern(all, numbering.n_free(), &numbering.frames, place, share)?;
@@ -235,7 +239,7 @@ impl System {
         self.terms.iter().all(|t| t.law.class <= Class::Linear)
     }
 
-    /// True if images of points follow the bodies: their terms couple any face with any other one of a pair of surfaces.
+    /// True if images of points follow the bodies.
     #[must_use]
     pub fn has_moving_images(&self) -> bool {
         self.terms.iter().any(|t| t.integrator.moves())

@@ -40,7 +40,7 @@ enum Kind {
     /// A library, which is told of the part that changes.
     Linked,
     /// Sum of both.
-    Full { pattern: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
+    Full { pattern: Arc<Pattern>, changing: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
 }
 
 /// What a solution of a library may leave of its right-hand side where a full step solves all equations but for branches
@@ -128,11 +128,28 @@ impl LinearSolver {
                 Err(e) => return Err(e),
             }
         }
-        let pattern = Arc::new(system.bulk().pattern().union(system.changing_pattern())?);
+        self.sum_on(system, system.changing_pattern())
+    }
+
+    /// Prepares for the sum of the linear part and a part on another pattern.
+    fn sum_on(&mut self, system: &System, changing: &Arc<Pattern>) -> Result<(), SolveError> {
+        let pattern = Arc::new(system.bulk().pattern().union(changing)?);
         let positions = |part: &Pattern| part.positions_in(&pattern).expect("a part of the union");
-        let (bulk_positions, changing_positions) =
-            (positions(system.bulk().pattern()), positions(system.changing_pattern()));
-        self.kind = Kind::Full { pattern, bulk_positions, changing_positions };
+        let (bulk_positions, changing_positions) = (positions(system.bulk().pattern()), positions(changing));
+        self.kind = Kind::Full { pattern, changing: Arc::clone(changing), bulk_positions, changing_positions };
+        Ok(())
+    }
+
+    /// Analyses anew where the pattern of a tangent has followed its images.
+    fn follow(&mut self, system: &System, tangent: &Tangent) -> Result<(), SolveError> {
+        let now = tangent.changing.pattern();
+        if let Kind::Full { changing, .. } = &self.kind
+            && system.follows_images()
+            && !Arc::ptr_eq(changing, now)
+        {
+            self.solver = None;
+            self.sum_on(system, now)?;
+        }
         Ok(())
     }
 
@@ -268,6 +285,7 @@ impl LinearSolver {
     }
 
     fn take(&mut self, system: &System, tangent: &Tangent) -> Result<(), SolveError> {
+        self.follow(system, tangent)?;
         match &mut self.kind {
             Kind::Linear => Ok(()),
             Kind::Condensed(c) => {
@@ -276,7 +294,7 @@ impl LinearSolver {
                 outcome
             }
             Kind::Linked => self.factor(&tangent.changing),
-            Kind::Full { pattern, bulk_positions, changing_positions } => {
+            Kind::Full { pattern, bulk_positions, changing_positions, .. } => {
                 let mut sum = Csr::zeros(pattern.clone());
                 for (part, positions) in [(system.bulk(), &*bulk_positions), (&tangent.changing, &*changing_positions)]
                 {

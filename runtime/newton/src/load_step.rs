@@ -453,12 +453,15 @@ impl LoadStep<'_> {
     /// How far the way between two states may be followed, up to `most` times its length, with the volumes of bodies of
     /// finite strain within what one iteration may change them by.
     pub(super) fn longest_way(&self, from: &[f64], to: &[f64], most: f64) -> f64 {
-        self.system.way_of_volumes(from, to, VolumeLimit { kept: KEPT_OF_VOLUMES, most })
+        let limit = VolumeLimit { kept: KEPT_OF_VOLUMES, most };
+        let part = if self.system.has_nonlinear_bodies() { self.system.way_of_volumes(from, to, limit) } else { most };
+        self.system.way_of_images(from, to, part)
     }
 
     /// The same along a direction by free number.
     pub(super) fn longest_step(&self, start: &[f64], direction: &[f64], most: f64) -> f64 {
-        if !(self.options.search && self.system.has_nonlinear_bodies()) {
+        let is_limited = self.system.has_nonlinear_bodies() || self.system.has_moving_images();
+        if !(self.options.search && is_limited) {
             return most;
         }
         let mut to = start.to_vec();

@@ -7,7 +7,7 @@ use wfl::{
 };
 
 use super::{Differentiated, Request, request::known};
-use crate::{Scene, newton::Stop};
+use crate::{Scene, newton::Stop, scene::place_of_moving};
 
 /// The code of what has no derivative.
 pub const NO_DERIVATIVE: &str = "E470";
@@ -66,25 +66,37 @@ pub(super) fn of_followed(name: &str, span: Span) -> Box<Diagnostic> {
     Box::new(d.at(span, "").help("the integral of a traction over the faces is the same force, and has one"))
 }
 
-/// Whether a run can be differentiated with what else was asked of it; why not, in words.
+/// Whether a run can be differentiated with what else was asked of it; why not, in words and with the place of what does not
+/// go with it.
 #[must_use]
-pub fn not_together(scene: &Scene) -> Option<Diagnostic> {
+pub fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic> {
+    let steps = || script.scheme.as_ref().map(|s| s.span).or(script.steps.as_ref().map(|s| s.span));
     let system = &scene.system;
     if !system.mesh.is_whole() || !system.team().is_alone() {
-        return Some(message("several ranks have no derivatives yet").help("run it without mpirun"));
+        let d = message("several ranks have no derivatives yet").help("run it without mpirun");
+        return Some(placed(d, steps()));
     }
     if scene.explicit.is_some() || system.rates().is_some() || system.redistribution().is_some() {
         let d = message("the rates of this scheme have no derivatives yet");
-        return Some(d.help(
+        let d = d.help(
             "states, `Previous_u` and first rates by backward Euler (`scheme backward_euler`) have them, also with steps \
              `by auto`; differences of whole runs do for the others: wfl sweep",
-        ));
+        );
+        return Some(placed(d, steps()));
     }
     if system.has_moving_images() {
         let d = message("images that follow the bodies have no derivatives yet");
-        return Some(d.help("differences of whole runs do for a mapping `moving with u`: wfl sweep"));
+        let d = d.help("differences of whole runs do for a mapping `moving with u`: wfl sweep");
+        return Some(placed(d, place_of_moving(script)));
     }
     None
+}
+
+fn placed(d: Diagnostic, at: Option<Span>) -> Diagnostic {
+    match at {
+        Some(span) => d.at(span, ""),
+        None => d,
+    }
 }
 
 /// Refuses parameters in what multiplies the unknown of a reaction.
@@ -103,12 +115,8 @@ pub(super) fn not_in_weights(reaction: &Expr, live: &[&str]) -> Result<(), Box<D
 /// Refuses what the derivatives of a run do not follow.
 pub(super) fn check(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnostic>> {
     let Differentiated { scene, script, outcome, .. } = of;
-    if let Some(d) = not_together(scene) {
-        let at = script.scheme.as_ref().map(|s| s.span).or(script.steps.as_ref().map(|s| s.span));
-        return Err(Box::new(match at {
-            Some(span) => d.at(span, ""),
-            None => d,
-        }));
+    if let Some(d) = not_together(scene, script) {
+        return Err(Box::new(d));
     }
     if let Some(param) = script.params.iter().find(|p| is_auto(&p.value)) {
         let d = message(format!("`{}` is found by the run: derivatives do not follow that", param.name.name));

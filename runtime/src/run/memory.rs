@@ -25,7 +25,7 @@ impl Memory {
     pub(super) fn of(scene: &Solving<'_>, tangent: &Tangent) -> Self {
         let system = &scene.system;
         Self {
-            changing: tangent.changing.values().to_vec(),
+            changing: tangent.memory(),
             contact: scene.contact.memory(),
             states: states(system).map(|k| system.data()[k].clone()).collect(),
         }
@@ -33,6 +33,9 @@ impl Memory {
 
     /// The same with the tangent of all ranks, made by all together: what a run on any number of ranks goes on from.
     pub(super) fn of_all(scene: &Solving<'_>, tangent: &Tangent) -> Self {
+        if scene.system.team().is_alone() {
+            return Self::of(scene, tangent);
+        }
         let changing = tangent.changing.values_of_all(scene.system.team());
         Self { changing, ..Self::of(scene, tangent) }
     }
@@ -62,14 +65,10 @@ impl Memory {
         fits && Self { changing: own.values().to_vec(), ..self.clone() }.recall(scene, tangent)
     }
 
-    /// Goes back to what was remembered. False, and nothing is changed, if that belongs to another scene.
+    /// Goes back to what was remembered. False if that belongs to another scene.
     #[must_use]
     pub(super) fn recall(&self, scene: &mut Solving<'_>, tangent: &mut Tangent) -> bool {
-        if self.changing.len() != tangent.changing.values().len() || !self.recall_states(scene) {
-            return false;
-        }
-        tangent.changing.values_mut().copy_from_slice(&self.changing);
-        true
+        tangent.recall(&self.changing) && self.recall_states(scene)
     }
 
     /// Contact and states alone.

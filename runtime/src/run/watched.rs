@@ -36,6 +36,8 @@ struct WatchedImages {
     last: Vec<Images>,
     /// By term: the first step at which points lost theirs under pressure, and how many of how many.
     lost: Vec<(f64, usize, [usize; 2])>,
+    /// By term: the first step at which points were inside the other body without an image, and how many of how many.
+    inside: Vec<(f64, usize, [usize; 2])>,
     /// Terms that had an image at some step.
     found: Vec<usize>,
 }
@@ -47,6 +49,12 @@ impl WatchedImages {
             let lost = now.lost(before);
             if lost > 0 && self.lost.iter().all(|(_, term, _)| *term != now.term) {
                 self.lost.push((time, now.term, [lost, now.found.len()]));
+            }
+        }
+        for now in &now {
+            let inside = now.inside.iter().filter(|inside| **inside).count();
+            if inside > 0 && self.inside.iter().all(|(_, term, _)| *term != now.term) {
+                self.inside.push((time, now.term, [inside, now.inside.len()]));
             }
         }
         let have = now.iter().filter(|images| images.found.contains(&true)).map(|images| images.term);
@@ -76,7 +84,17 @@ impl WatchedImages {
             Diagnostic::new("W632", format!("no point of `{name}` had an image in any step"))
                 .at_or_note(scene.place_of_term(name), text)
         });
-        lost.chain(never).collect()
+        let inside = self.inside.iter().map(|(time, term, [inside, all])| {
+            let name = name(*term);
+            let text = format!("at t = {time} {inside} of {all} points of `{name}` are inside the other body without a force");
+            Diagnostic::new("W670", text)
+                .at_or_note(
+                    scene.place_of_term(name),
+                    "its surface is behind them, further than `within`, and the result is no state of contact",
+                )
+                .help("smaller steps, and a `within` larger than any overlap; at the first step the bodies must not overlap by more")
+        });
+        lost.chain(never).chain(inside).collect()
     }
 }
 

@@ -8,7 +8,7 @@
 use std::{collections::BTreeSet, sync::Arc};
 
 use wfl::{
-    Diagnostic, Span,
+    Diagnostic, ResolvedScript, Span,
     ast::{Expansions, Expr, Ident, MappingKind},
 };
 use wfl_compiler::{
@@ -40,6 +40,13 @@ enum Search {
     Facets { raytrace: bool, from: BTreeSet<FacetRef>, finder: FacetFinder, reach: f64 },
     /// On facets that follow the bodies, from points that do.
     Moving { from: BTreeSet<FacetRef>, onto: Vec<FacetRef>, moves: Moves, reach: f64 },
+}
+
+/// Where the scene declares a mapping whose images follow the bodies.
+#[must_use]
+pub fn place_of_moving(script: &ResolvedScript) -> Option<Span> {
+    let moves = |kind: &MappingKind| matches!(kind, MappingKind::Search { moving, .. } if !moving.is_empty());
+    script.mappings.iter().find(|m| moves(&m.kind)).map(|m| m.name.span)
 }
 
 /// The mappings of a scene.

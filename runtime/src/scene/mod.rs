@@ -105,6 +105,7 @@ pub use given::{CallerValues, Given, Source};
 pub use gradients::Over;
 pub use held::Printed;
 pub use inputs::InputFile;
+pub use mappings::place_of_moving;
 pub use mesh::SceneBox;
 pub(crate) use mesh::bodies_of;
 pub use options::{Auto, DEFAULT_STEP_ERROR, Steps};

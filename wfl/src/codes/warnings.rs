@@ -652,6 +652,18 @@ pub(super) const PAGES: &[CodePage] = &[
         "load u = [beyond_onset, 0] on east",
     ),
     page(
+        "W670",
+        "points inside the other body without a force",
+        "The image of a point on a mapping that moves is looked for along its normal to both sides, not further than `within`. \
+         These points have none, and the face of the other body that is nearest behind them is one that they have gone \
+         through: they are inside it, further from its surface than `within`, and nothing pushes them out. The bodies were \
+         moved into each other by more than `within` in one step, or they overlap from the start. The message has the first \
+         step and the number of points. Newton's method shortens its steps so that points do not get there on the way where \
+         that helps.",
+        "mapping m = raytrace from arc onto top moving with u within 0.01",
+        "mapping m = raytrace from arc onto top moving with u within 0.3",
+    ),
+    page(
         "W702",
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \

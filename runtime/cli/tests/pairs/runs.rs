@@ -288,6 +288,11 @@ fn warnings() -> Vec<Pair> {
         Pair::new("W631", PUSHED).near("push = 0.6", "push = 0.2"),
         Pair::new("W632", OVER_THE_EDGE).near("push = 1.5", "push = -0.2"),
         Pair::new(
+            "W670",
+            OVER_THE_EDGE.replace("push = 1.5", "push = -0.2").replace("20*pos", "0.1*pos").replace("0.3", "0.01"),
+        )
+        .near("within 0.01", "within 0.3"),
+        Pair::new(
             "W621",
             "mesh box [0] to [1] cells [4] segment\nregion wall = faces where x == 0\nunknown u : scalar\n\
              start u = 0.1\nstart Dot_u = -1\nterm inertia on all : Dot2_u*Test_u\n\

@@ -161,6 +161,16 @@ pub enum Input {
     Geometry(InputSlot),
 }
 
+/// What the plan of a tangent takes of the functions of a basis at one point.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Functions {
+    field: FieldId,
+    side: Side,
+    n: usize,
+    constant_gradients: bool,
+    support: Vec<u16>,
+}
+
 /// The bases of one group.
 #[derive(Clone, Debug)]
 pub struct GroupBinding {
@@ -238,7 +248,8 @@ impl Integrator {
             return made.clone();
         }
         let slots = LawSlots { inputs: &of.inputs, tests: &of.tests, trials: &of.trials };
-        let binding = Binding::fixed(mesh, &domain, &of.fields, slots).expect("fields live behind all faces");
+        let binding = Binding::fixed(mesh, &domain, &of.fields, slots, Some(&self.binding))
+            .expect("fields live behind all faces");
         let made = Self { domain, binding: Arc::new(binding) };
         *last() = Some(made.clone());
         made
@@ -287,7 +298,7 @@ impl Binding {
     /// # Errors
     /// [`FieldError`] when a field has no dofs on an entity of the domain.
     pub fn new(mesh: &Mesh, domain: &Domain, fields: &[Field], law: LawSlots<'_>) -> Result<Self, FieldError> {
-        let mut made = Self::fixed(mesh, domain, fields, law)?;
+        let mut made = Self::fixed(mesh, domain, fields, law, None)?;
         made.moving = domain.moving.as_ref().map(|_| {
             Arc::new(Rebinding {
                 fields: fields.to_vec(),
@@ -300,8 +311,14 @@ impl Binding {
         Ok(made)
     }
 
-    /// The same with the images as they are.
-    fn fixed(mesh: &Mesh, domain: &Domain, fields: &[Field], law: LawSlots<'_>) -> Result<Self, FieldError> {
+    /// The same with the images as they are; `known` is one on the same points with other images.
+    fn fixed(
+        mesh: &Mesh,
+        domain: &Domain,
+        fields: &[Field],
+        law: LawSlots<'_>,
+        known: Option<&Self>,
+    ) -> Result<Self, FieldError> {
         let mut pairs: BTreeMap<(FieldId, Side), usize> = BTreeMap::new();
         let mut note = |slot: &BasisSlot| {
             let order = pairs.entry((slot.field, slot.side)).or_default();
@@ -335,11 +352,15 @@ impl Binding {
             })
             .collect();
         let mut groups = Vec::with_capacity(domain.groups.len());
-        for group in &domain.groups {
+        for (g, group) in domain.groups.iter().enumerate() {
             let mut bases = Vec::with_capacity(pairs.len());
             let mut offset = 0;
-            for ((field, side), order) in &pairs {
-                let basis = basis(mesh, group, &fields[field.index()], *field, *side, *order, offset)?;
+            for (k, ((field, side), order)) in pairs.iter().enumerate() {
+                let stays = known.filter(|_| *side == Side::Here).map(|known| &known.groups[g].bases[k]);
+                let basis = match stays {
+                    Some(basis) => Basis { offset, ..basis.clone() },
+                    None => basis(mesh, group, &fields[field.index()], *field, *side, *order, offset)?,
+                };
                 offset += basis.n_dofs();
                 bases.push(basis);
             }
@@ -411,6 +432,18 @@ impl GroupBinding {
         Self { bases, values, n_derivatives }
     }
 
+    /// By basis what the derivatives of a group of one point are made of: its field, side, functions and those that act.
+    pub(super) fn functions(&self) -> Vec<Functions> {
+        let of = |b: &Basis| Functions {
+            field: b.field,
+            side: b.side,
+            n: b.n_nodes,
+            constant_gradients: b.starts.constant_gradients,
+            support: b.support.clone(),
+        };
+        self.bases.iter().map(of).collect()
+    }
+
     /// Local dofs of an entity, all bases.
     #[must_use]
     pub fn n_dofs(&self) -> usize {
@@ -420,8 +453,6 @@ impl GroupBinding {
 
 /// A basis function below this at every point does not act there; its largest value is 1.
 const NO_VALUE: f64 = 1e-14;
-
-impl GroupBinding {}
 
 fn basis(
     mesh: &Mesh,

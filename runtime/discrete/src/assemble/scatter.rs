@@ -162,7 +162,7 @@ impl Scatter {
     }
 
     /// Finds all places in a pattern. `dofs[entity * n_dofs + k]` are global, `free` maps them to rows and columns of the
-    /// pattern; rows that `owns` refuses are those of another rank.
+    /// pattern; rows that `owns` refuses are those of another rank. False if the pattern lacks some.
     pub(super) fn locate(
         &mut self,
         n_dofs: usize,
@@ -170,7 +170,8 @@ impl Scatter {
         pattern: &Pattern,
         free: &[u32],
         owns: impl Fn(u32) -> bool,
-    ) {
+    ) -> bool {
+        let mut is_complete = true;
         let entities = dofs.len() / n_dofs.max(1);
         self.row_starts.clear();
         self.offsets.clear();
@@ -195,10 +196,11 @@ impl Scatter {
                 self.lists.push(NONE);
             } else {
                 self.lists.push(u32::try_from(self.places.len() / self.sources.len().max(1)).expect("few entities"));
-                self.list(at, pattern);
+                is_complete &= self.list(at, pattern);
             }
             self.offsets.extend(offsets.iter().map(|o| o.unwrap_or(0)));
         }
+        is_complete
     }
 
     /// One offset a pair for an entity; `None` if there is none that fits all its rows.
@@ -224,20 +226,22 @@ impl Scatter {
         Some(())
     }
 
-    fn list(&mut self, at: Places<'_>, pattern: &Pattern) {
+    /// Lists the places of an entity; false if the pattern lacks one of them.
+    fn list(&mut self, at: Places<'_>, pattern: &Pattern) -> bool {
+        let mut is_complete = true;
         for row in &self.rows {
             for segment in &self.segments[row.segments.clone()] {
                 let first = self.pairs[segment.pair];
                 for column in &at.columns[first..first + segment.n] {
-                    let place = if at.rows[row.dof] == NONE || *column == NONE {
-                        None
-                    } else {
-                        pattern.position(at.rows[row.dof] as usize, *column as usize)
-                    };
+                    let is_none = at.rows[row.dof] == NONE || *column == NONE;
+                    let find = || pattern.position(at.rows[row.dof] as usize, *column as usize);
+                    let place = if is_none { None } else { find() };
+                    is_complete &= is_none || place.is_some();
                     self.places.push(place.map_or(NONE, |p| u32::try_from(p).expect("fewer than 2^32 entries")));
                 }
             }
         }
+        is_complete
     }
 
     /// Adds the local tangents of a batch, the rows that are in `own`. `numbers` is memory for a block.

@@ -47,7 +47,10 @@ use moving::Moving;
 use summands::Summands;
 use wfl_host::team::{Alone, Team};
 use wfl_mesh::mesh::{Mesh, SupportSet};
-use wfl_sparse::{csr::Pattern, index::NONE};
+use wfl_sparse::{
+    csr::{CsrError, Pattern},
+    index::NONE,
+};
 use work::{Kept, Located};
 
 /// Where a number stopped being finite.
@@ -74,6 +77,9 @@ pub enum TermError {
     /// An unknown, or a sum of finite parts of its equation, is not finite.
     #[error(transparent)]
     State(Box<BadState>),
+    /// The matrix of images that have moved cannot be made.
+    #[error(transparent)]
+    Matrix(CsrError),
 }
 
 /// A term ready to be assembled at one step. A copy shares law, code, tables and places.
@@ -96,7 +102,7 @@ pub struct AssembledTerm {
     residual_needs: Needs,
     tangent_needs: Needs,
     /// For each group.
-    plans: Arc<Vec<TangentPlan>>,
+    plans: Arc<Vec<Arc<TangentPlan>>>,
     /// For each group, once a pattern is known.
     scatters: Arc<Vec<Scatter>>,
     located: Option<Arc<Located>>,
@@ -153,8 +159,7 @@ impl AssembledTerm {
         let summands = Summands::new(&law, binding, n_bases);
         let read = entries.reads(&law);
         let tangent_needs = binding.needs_of(n_bases, |k| read[k], true, true);
-        let plans: Vec<TangentPlan> =
-            (0..binding.groups.len()).map(|g| TangentPlan::new(binding, g, &entries)).collect();
+        let plans = (0..binding.groups.len()).map(|g| Arc::new(TangentPlan::new(binding, g, &entries))).collect();
         let moving = integrator.moves().then(|| Moving::new(starts));
         Self {
             moving,
@@ -224,7 +229,7 @@ impl AssembledTerm {
         if self.entries.list.is_empty() {
             return;
         }
-        if let Some(moved) = self.moved(mesh, values) {
+        if let Some(moved) = self.moved_with_plans(mesh, values) {
             return moved.add_own_diagonal(mesh, values, diagonal, share);
         }
         let diagonal = shared(diagonal);
@@ -251,8 +256,8 @@ impl AssembledTerm {
         &self.law.kinks
     }
 
-    /// Calls `f` with the global dofs of each entity that are tested, and those that the tangent depends on, for the
-    /// matrix pattern; once for each group of nodes that nothing couples with the others.
+    /// Calls `f` with the global dofs of each entity that are tested, and those that the tangent depends on at any state, for
+    /// the matrix pattern; once for each group of nodes that nothing couples with the others.
     pub fn for_each_entity(&self, mut f: impl FnMut(&[u32], &[u32])) {
         if self.moving.is_some() {
             return self.for_each_possible(&mut f);
@@ -286,7 +291,7 @@ impl AssembledTerm {
         self.forget_images();
         self.scatters = Arc::default();
         if self.moving.is_none() {
-            self.place();
+            let _ = self.place();
         }
     }
 

@@ -7,19 +7,23 @@
 //!
 //! Promises: the same images for the same displacements, whatever was asked before. Does not know laws.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::{
     Domain, Group, GroupSide,
-    rays::{Bounds, Hit, Ray, Targets},
+    boxes::Boxes,
+    rays::{Hit, Ray, Targets},
 };
 use crate::space::Space;
 use wfl_mesh::{
     element::Table,
-    mesh::{CellId, FacetRef, Image, Mesh},
+    mesh::{CellId, CellKind, FacetRef, Image, Mesh},
 };
 
 /// A displacement that images follow: its field, and where that has its nodes.
@@ -38,6 +42,10 @@ pub struct ImageMotion {
     pub shift: [f64; 6],
     /// Derivative of the outward normal along the face: row i, column j at `i + dim j`.
     pub slope: [f64; 9],
+    /// The current unit normal of the point, along which its image was looked for.
+    pub normal: [f64; 3],
+    /// How far along it the image is, negative where the bodies overlap.
+    pub gap: f64,
     /// What stands in for the position of the image where there is none.
     pub stand_in: Option<[f64; 3]>,
 }
@@ -79,6 +87,8 @@ pub struct MovingPoints {
     pub(super) spare: Image,
     /// How far ahead it is put.
     ahead: f64,
+    /// By kind of the cells behind the faces: the basis of the geometry at its own nodes.
+    corners: BTreeMap<CellKind, Table>,
     known: Mutex<Option<Known>>,
 }
 
@@ -111,13 +121,52 @@ impl MovingPoints {
         let (low, high) = mesh.bounds();
         let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         let ahead = if reach.is_finite() { reach } else { extent };
+        let corners = targets.facets().map(|facet| {
+            let element = mesh.geometry_element(mesh.kind(facet.cell));
+            (mesh.kind(facet.cell), element)
+        });
+        let corners = corners.collect::<BTreeMap<_, _>>().into_iter();
+        let corners = corners.map(|(kind, element)| (kind, element.tabulate(element.points(), 1))).collect();
         let (over, n_entities) = (base.over, base.n_entities);
-        Some(Self { over, n_entities, points, here, there, targets, spare, ahead, known: Mutex::default() })
+        Some(Self { over, n_entities, points, here, there, targets, spare, ahead, corners, known: Mutex::default() })
     }
 
     /// The faces that images may lie on.
     pub fn targets(&self) -> impl Iterator<Item = FacetRef> + '_ {
         self.targets.facets()
+    }
+
+    /// The displacements that images follow: of the points, and of the faces that they lie on.
+    #[must_use]
+    pub fn follows(&self) -> [&Follows; 2] {
+        [&self.here, &self.there]
+    }
+
+    /// How many points there are.
+    #[must_use]
+    pub fn n_points(&self) -> usize {
+        self.points.len()
+    }
+
+    /// By face that images may lie on, in their order: those that share a vertex with it, itself included.
+    #[must_use]
+    pub fn around(&self, mesh: &Mesh) -> Vec<Vec<usize>> {
+        let vertices = |facet: FacetRef| {
+            let local = mesh.kind(facet.cell).facets()[usize::from(facet.local)];
+            let nodes = mesh.cell_vertices(facet.cell);
+            local.vertices.iter().map(|k| nodes[*k].index()).collect::<Vec<usize>>()
+        };
+        let mut faces_at: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (k, facet) in self.targets().enumerate() {
+            vertices(facet).into_iter().for_each(|node| faces_at.entry(node).or_default().push(k));
+        }
+        let around = |facet: FacetRef| {
+            let mut found: Vec<usize> = vertices(facet).iter().flat_map(|node| &faces_at[node]).copied().collect();
+            found.sort_unstable();
+            found.dedup();
+            found
+        };
+        self.targets().map(around).collect()
     }
 
     /// The points with their images at these values of all fields.
@@ -129,8 +178,8 @@ impl MovingPoints {
             return Arc::clone(&known.domain);
         }
         // not under the lock: who waits for other threads may be given work that asks for images, too
-        let bounds = self.targets.bounds(mesh, there);
-        let group = |point: &Point| self.found(mesh, point, [here, there], &bounds);
+        let boxes = self.targets.boxes(mesh, there);
+        let group = |point: &Point| self.found(mesh, point, [here, there], &boxes);
         let groups: Vec<Group> = self.points.par_iter().map(group).collect();
         let domain = Arc::new(Domain {
             over: self.over,
@@ -144,20 +193,42 @@ impl MovingPoints {
         domain
     }
 
+    /// By point whether it is so far inside the other body that it has no image.
+    #[must_use]
+    pub fn are_inside(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Vec<bool> {
+        let domain = self.at(mesh, current);
+        let (here, there) = (of(current, &self.here), of(current, &self.there));
+        if !domain.groups.iter().any(Group::has_lost_its_image) {
+            return vec![false; self.points.len()];
+        }
+        let boxes = self.targets.boxes(mesh, there);
+        let is_inside = |(point, group): (&Point, &Group)| {
+            let holds = |ray: &Ray| self.targets.hold(mesh, there, &boxes, ray);
+            group.has_lost_its_image() && point.ray(mesh.dim(), here).as_ref().is_some_and(holds)
+        };
+        self.points.par_iter().zip(&domain.groups).map(is_inside).collect()
+    }
+
     /// A point with its image.
-    fn found(&self, mesh: &Mesh, point: &Point, [here, there]: [&[f64]; 2], bounds: &[Bounds]) -> Group {
+    fn found(&self, mesh: &Mesh, point: &Point, [here, there]: [&[f64]; 2], boxes: &Boxes) -> Group {
         let ray = point.ray(mesh.dim(), here);
-        let hit = ray.as_ref().and_then(|ray| self.targets.hit(mesh, there, bounds, ray));
+        let hit = ray.as_ref().and_then(|ray| self.targets.hit(mesh, there, boxes, ray));
+        let normal = ray.as_ref().map_or_else(Vector3::zeros, |ray| ray.n).into();
         let (image, motion, weight) = match hit {
-            Some(Hit { image, shift, slope }) => {
-                (image, ImageMotion { shift, slope, stand_in: None }, point.group.weights[0])
+            Some(Hit { image, shift, slope, gap }) => {
+                (image, ImageMotion { shift, slope, normal, gap, stand_in: None }, point.group.weights[0])
             }
-            None => (self.spare, self.nowhere(ray.as_ref(), there), 0.0),
+            None => (self.spare, ImageMotion { normal, ..self.nowhere(ray.as_ref(), there) }, 0.0),
         };
         let kind = mesh.kind(image.cell);
-        let mut side = GroupSide::new(mesh, kind, vec![image.reference]);
-        side.cells.push(image.cell);
-        side.facets.extend(image.facet);
+        let side = GroupSide {
+            kind,
+            cells: vec![image.cell],
+            facets: image.facet.into_iter().collect(),
+            geometry: mesh.geometry_element(kind).tabulate(&[image.reference], 2),
+            points: vec![image.reference],
+            corners: self.corners.get(&kind).cloned().unwrap_or_default(),
+        };
         Group {
             weights: vec![weight],
             there: Some(side),
@@ -176,7 +247,8 @@ impl MovingPoints {
             let own = displacement(self.points[0].group.here.geometry.dim, &table, space.entity_nodes(position), there);
             place -= own;
         }
-        ImageMotion { shift: [0.0; 6], slope: [0.0; 9], stand_in: Some(place.into()) }
+        let stand_in = Some(place.into());
+        ImageMotion { shift: [0.0; 6], slope: [0.0; 9], normal: [0.0; 3], gap: self.ahead, stand_in }
     }
 }
 
@@ -184,11 +256,11 @@ impl MovingPoints {
 fn limit_by_thickness(mesh: &Mesh, targets: &Targets, points: &mut [Point]) {
     let bodies = mesh.bodies();
     let body = |cell: CellId| bodies[mesh.cell_nodes(cell)[0].index()];
-    let bounds = targets.bounds(mesh, &[]);
+    let boxes = targets.boxes(mesh, &[]);
     points.par_iter_mut().for_each(|point| {
         if let Some(ray) = point.ray(mesh.dim(), &[]) {
             let is_own = |facet: FacetRef| body(facet.cell) == body(ray.cell);
-            point.back = 0.5 * targets.thickness(mesh, &bounds, &ray, is_own);
+            point.back = 0.5 * targets.thickness(mesh, &boxes, &ray, is_own);
         }
     });
 }

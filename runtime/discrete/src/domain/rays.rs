@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix2, Matrix3, Vector3};
 
+use super::boxes::{Bounds, BoxTree, Boxes};
 use crate::space::Space;
 use wfl_mesh::{
     element::Table,
@@ -53,6 +54,15 @@ pub(super) struct Hit {
     pub(super) shift: [f64; 6],
     /// Derivative of the outward normal along the face, both in the reference placement: row i, column j at `i + dim j`.
     pub(super) slope: [f64; 9],
+    /// How far along the ray, negative behind its beginning.
+    pub(super) gap: f64,
+}
+
+/// Where a ray meets a face, from the front or not: its parameters, and how far along the ray.
+struct Crossing {
+    p: [f64; 3],
+    g: f64,
+    is_front: bool,
 }
 
 /// A face that rays may meet.
@@ -71,10 +81,8 @@ pub(super) struct Targets {
     list: Vec<Target>,
     space: Space,
     reach: f64,
+    tree: BoxTree,
 }
-
-/// The box around a face in the current placement.
-pub(super) type Bounds = [Vector3<f64>; 2];
 
 /// Tables of the geometry and of the displacement.
 type Tables = [Table; 2];
@@ -138,7 +146,9 @@ impl Targets {
             Some(Target { facet: *facet, position: space.position_of_cell(facet.cell)?, margins })
         };
         let list = facets.iter().map(target).collect::<Option<Vec<_>>>()?;
-        Some(Self { list, space, reach })
+        let mut made = Self { list, space, reach, tree: BoxTree::default() };
+        made.tree = BoxTree::new(&made.faces(mesh, &[]));
+        Some(made)
     }
 
     /// The faces.
@@ -146,18 +156,23 @@ impl Targets {
         self.list.iter().map(|target| target.facet)
     }
 
-    /// The boxes around all faces.
-    pub(super) fn bounds(&self, mesh: &Mesh, u: &[f64]) -> Vec<Bounds> {
+    /// The boxes around all faces in the current placement.
+    pub(super) fn boxes(&self, mesh: &Mesh, u: &[f64]) -> Boxes {
+        self.tree.fit(self.faces(mesh, u))
+    }
+
+    /// The box around each face.
+    fn faces(&self, mesh: &Mesh, u: &[f64]) -> Vec<Bounds> {
         let mut known: BTreeMap<(usize, u8), Vec<Tables>> = BTreeMap::new();
         let mut all = Vec::with_capacity(self.list.len());
         for target in &self.list {
             let key = (mesh.kind(target.facet.cell).index(), target.facet.local);
             let tables = known.entry(key).or_insert_with(|| {
-                samples(mesh.facet_kind(target.facet)).iter().map(|p| self.tables(mesh, target, *p)).collect()
+                samples(mesh.facet_kind(target.facet)).iter().map(|p| self.tables(mesh, target, *p, 1)).collect()
             });
             let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
             for tables in tables {
-                let y = self.place(mesh, target, u, tables).y;
+                let y = self.position(mesh, target, u, tables);
                 (low, high) = (low.inf(&y), high.sup(&y));
             }
             let margin = Vector3::repeat(BULGE * (high - low).norm());
@@ -167,41 +182,40 @@ impl Targets {
     }
 
     /// The nearest face that a ray meets.
-    pub(super) fn hit(&self, mesh: &Mesh, u: &[f64], bounds: &[Bounds], ray: &Ray) -> Option<Hit> {
+    pub(super) fn hit(&self, mesh: &Mesh, u: &[f64], boxes: &Boxes, ray: &Ray) -> Option<Hit> {
         let mut best: Option<(f64, usize, [f64; 3])> = None;
-        let others = self.list.iter().zip(bounds).enumerate().filter(|(_, (t, _))| t.facet.cell != ray.cell);
-        for (k, (target, bounds)) in others {
-            let least = best.map_or(self.reach, |b| b.0);
-            if !meets(ray, bounds, least) {
+        let (mut near, back) = (Vec::new(), self.reach.min(ray.back));
+        self.tree.met(boxes, |bounds| meets(ray, bounds, [back, self.reach]), &mut near);
+        for k in near.into_iter().map(|k| k as usize) {
+            let target = &self.list[k];
+            let least = best.map_or(self.reach, |b| b.0.abs());
+            if target.facet.cell == ray.cell || !meets(ray, &boxes.faces[k], [least.min(back), least]) {
                 continue;
             }
-            let Some((p, g)) = self.crossing(mesh, target, u, ray) else { continue };
+            let Some(Crossing { p, g, is_front: true }) = self.crossing(mesh, target, u, ray) else { continue };
             let scale = ALIKE * (ray.x.amax() + g.abs());
-            let is_within = g <= self.reach && -g <= self.reach.min(ray.back);
-            if is_within && best.is_none_or(|b| g.abs() < b.0 - scale) {
-                best = Some((g.abs(), k, p));
+            let is_within = g <= self.reach && -g <= back;
+            if is_within && best.is_none_or(|b| g.abs() < b.0.abs() - scale) {
+                best = Some((g, k, p));
             }
         }
-        let (_, k, p) = best?;
-        self.hit_at(mesh, &self.list[k], u, p)
+        let (gap, k, p) = best?;
+        Some(Hit { gap, ..self.hit_at(mesh, &self.list[k], u, p)? })
     }
 
     /// How thick the body is behind the point of a ray, in the reference placement: the distance to the first of its `own`
     /// faces that the ray meets backwards, infinite where it meets none. Faces that touch the point are none of these.
-    pub(super) fn thickness(
-        &self,
-        mesh: &Mesh,
-        bounds: &[Bounds],
-        ray: &Ray,
-        is_own: impl Fn(FacetRef) -> bool,
-    ) -> f64 {
+    pub(super) fn thickness(&self, mesh: &Mesh, boxes: &Boxes, ray: &Ray, is_own: impl Fn(FacetRef) -> bool) -> f64 {
         let mut least = f64::INFINITY;
-        for (target, bounds) in self.list.iter().zip(bounds) {
-            if target.facet.cell == ray.cell || !is_own(target.facet) || !meets(ray, bounds, least) {
+        let mut near = Vec::new();
+        self.tree.met(boxes, |bounds| meets(ray, bounds, [least, 0.0]), &mut near);
+        for k in near.into_iter().map(|k| k as usize) {
+            let (target, bounds) = (&self.list[k], &boxes.faces[k]);
+            if target.facet.cell == ray.cell || !is_own(target.facet) || !meets(ray, bounds, [least, 0.0]) {
                 continue;
             }
             let touching = TOUCHING * (bounds[1] - bounds[0]).norm();
-            if let Some((_, g)) = self.crossing(mesh, target, &[], ray)
+            if let Some(Crossing { g, is_front: true, .. }) = self.crossing(mesh, target, &[], ray)
                 && -g > touching
             {
                 least = least.min(-g);
@@ -210,11 +224,23 @@ impl Targets {
         least
     }
 
-    fn tables(&self, mesh: &Mesh, target: &Target, p: [f64; 3]) -> Tables {
+    /// With derivatives of the geometry up to `order`.
+    fn tables(&self, mesh: &Mesh, target: &Target, p: [f64; 3], order: usize) -> Tables {
         let kind = mesh.kind(target.facet.cell);
         let local = usize::from(target.facet.local);
         let r = [kind.facet_point(local, kind.facet_map(local).apply(p))];
-        [mesh.geometry_element(kind).tabulate(&r, 2), self.space.element_at(target.position).tabulate(&r, 1)]
+        [mesh.geometry_element(kind).tabulate(&r, order), self.space.element_at(target.position).tabulate(&r, 1)]
+    }
+
+    /// Where a point of the face is.
+    fn position(&self, mesh: &Mesh, target: &Target, u: &[f64], [geometry, field]: &Tables) -> Vector3<f64> {
+        let dim = mesh.dim();
+        let mut y = Vector3::from(mesh.point_at(target.facet.cell, geometry, 0));
+        for (k, node) in self.space.entity_nodes(target.position).iter().enumerate() {
+            let own = u.get(*node as usize * dim..(*node as usize + 1) * dim).unwrap_or_default();
+            own.iter().enumerate().for_each(|(i, value)| y[i] += value * field.values[k]);
+        }
+        y
     }
 
     /// The face where it was tabulated.
@@ -262,13 +288,30 @@ impl Targets {
         Some(Body { y: at.y, deformation, outward: at.outward? })
     }
 
-    /// The parameters where a ray meets a face from the front, and how far along the ray; `None` beside it.
-    fn crossing(&self, mesh: &Mesh, target: &Target, u: &[f64], ray: &Ray) -> Option<([f64; 3], f64)> {
+    /// Whether a ray begins inside a body of the faces, further than it may go back for an image: the nearest face behind is
+    /// one that it meets from the front.
+    pub(super) fn hold(&self, mesh: &Mesh, u: &[f64], boxes: &Boxes, ray: &Ray) -> bool {
+        let (mut near, mut nearest) = (Vec::new(), None);
+        self.tree.met(boxes, |bounds| meets(ray, bounds, [ray.back, 0.0]), &mut near);
+        for target in near.into_iter().map(|k| &self.list[k as usize]).filter(|t| t.facet.cell != ray.cell) {
+            if let Some(Crossing { g, is_front, .. }) = self.crossing(mesh, target, u, ray)
+                && g < 0.0
+                && -g <= ray.back
+                && nearest.is_none_or(|(least, _)| -g < least)
+            {
+                nearest = Some((-g, is_front));
+            }
+        }
+        nearest.is_some_and(|(_, is_front)| is_front)
+    }
+
+    /// Where a ray meets a face; `None` beside it.
+    fn crossing(&self, mesh: &Mesh, target: &Target, u: &[f64], ray: &Ray) -> Option<Crossing> {
         let (dim, kind) = (mesh.dim(), mesh.facet_kind(target.facet));
         let mut p = kind.reference_centre();
         let (mut g, mut last) = (0.0, f64::INFINITY);
         for _ in 0..ITERATIONS {
-            let at = self.place(mesh, target, u, &self.tables(mesh, target, p));
+            let at = self.place(mesh, target, u, &self.tables(mesh, target, p, 1));
             let mut m = Matrix3::identity();
             (0..dim - 1).for_each(|k| m.set_column(k, &at.current[k]));
             m.set_column(dim - 1, &-ray.n);
@@ -288,13 +331,13 @@ impl Targets {
         if !(last < FOUND && is_inside && g.is_finite()) {
             return None;
         }
-        let at = self.place(mesh, target, u, &self.tables(mesh, target, p));
-        (at.outward?.dot(&ray.n) < 0.0).then_some((p, g))
+        let at = self.place(mesh, target, u, &self.tables(mesh, target, p, 1));
+        Some(Crossing { p, g, is_front: at.outward?.dot(&ray.n) < 0.0 })
     }
 
     /// What is told of a hit.
     fn hit_at(&self, mesh: &Mesh, target: &Target, u: &[f64], p: [f64; 3]) -> Option<Hit> {
-        let tables = self.tables(mesh, target, p);
+        let tables = self.tables(mesh, target, p, 2);
         let at = self.place(mesh, target, u, &tables);
         let dim = mesh.dim();
         let shift = pseudo_inverse(&at.current, dim)?;
@@ -307,6 +350,7 @@ impl Targets {
             },
             shift: [0.0; 6],
             slope: [0.0; 9],
+            gap: 0.0,
         };
         for j in 0..dim {
             for i in 0..=j {
@@ -409,9 +453,9 @@ fn samples(kind: CellKind) -> Vec<[f64; 3]> {
     }
 }
 
-/// Whether a ray comes into a box within `reach` of its beginning, to either side.
-fn meets(ray: &Ray, bounds: &Bounds, reach: f64) -> bool {
-    let (mut from, mut to) = (-reach, reach);
+/// Whether a ray comes into a box not further behind its beginning and ahead of it than `reach`.
+fn meets(ray: &Ray, bounds: &Bounds, reach: [f64; 2]) -> bool {
+    let (mut from, mut to) = (-reach[0], reach[1]);
     for d in 0..3 {
         let (low, high) = (bounds[0][d] - ray.x[d], bounds[1][d] - ray.x[d]);
         if ray.n[d] == 0.0 {

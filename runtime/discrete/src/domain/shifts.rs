@@ -56,8 +56,8 @@ impl MovingPoints {
             let moved =
                 |k: usize| -> Vec<f64> { state[k].iter().zip(&change[k]).map(|(u, d)| u + steps * STEP * d).collect() };
             let [here, there] = [moved(0), moved(1)];
-            let bounds = self.targets.bounds(mesh, &there);
-            let hit = |point: &Point| self.targets.hit(mesh, &there, &bounds, &point.ray(mesh.dim(), &here)?);
+            let boxes = self.targets.boxes(mesh, &there);
+            let hit = |point: &Point| self.targets.hit(mesh, &there, &boxes, &point.ray(mesh.dim(), &here)?);
             self.points.iter().map(hit).collect::<Vec<Option<Hit>>>()
         };
         let found = [0.0, 1.0, -1.0, 2.0, -2.0].map(at);

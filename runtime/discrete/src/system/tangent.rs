@@ -56,19 +56,88 @@ pub struct Tangent {
     pub changing: Csr,
     /// In the axes of the scene, where local frames make that another one.
     scene_axes: Option<Csr>,
+    /// Where its pattern follows images.
+    pub(super) images: Option<OfImages>,
+}
+
+/// What a tangent keeps whose pattern follows images.
+#[derive(Clone, Debug)]
+pub(super) struct OfImages {
+    /// The terms whose images stay.
+    pub(super) fixed: Csr,
+    /// Their places in the whole.
+    pub(super) places: Vec<usize>,
+    /// The step that the pattern was made in: the step variable and its increment.
+    pub(super) step: Option<[f64; 2]>,
+}
+
+impl OfImages {
+    fn new(pattern: &Arc<Pattern>) -> Self {
+        Self { fixed: Csr::zeros(pattern.clone()), places: (0..pattern.n_entries()).collect(), step: None }
+    }
+}
+
+impl Tangent {
+    /// The values of the changing terms, with their rows and columns where these follow images: what [`Self::recall`] takes.
+    #[must_use]
+    pub fn memory(&self) -> Vec<f64> {
+        if self.images.is_none() {
+            return self.changing.values().to_vec();
+        }
+        let row = |row: usize| {
+            let (columns, values) = self.changing.row(row);
+            #[expect(clippy::cast_precision_loss, reason = "fewer than 2^32 rows")]
+            let row = row as f64;
+            columns.iter().zip(values).flat_map(move |(column, value)| [row, f64::from(*column), *value])
+        };
+        (0..self.changing.n_rows()).flat_map(row).collect()
+    }
+
+    /// Takes over values of [`Self::memory`]; false, and nothing is changed, if they are those of another system.
+    #[must_use]
+    pub fn recall(&mut self, memory: &[f64]) -> bool {
+        let Some(images) = &mut self.images else {
+            let fits = memory.len() == self.changing.values().len();
+            if fits {
+                self.changing.values_mut().copy_from_slice(memory);
+            }
+            return fits;
+        };
+        let (triplets, rest) = memory.as_chunks::<3>();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "rows and columns are whole numbers"
+        )]
+        let triplets: Vec<(u32, u32, f64)> =
+            triplets.iter().map(|[i, j, value]| (*i as u32, *j as u32, *value)).collect();
+        let (n_rows, n_cols) = (self.changing.n_rows(), self.changing.n_cols());
+        let Ok(matrix) = Csr::from_triplets(n_rows, n_cols, &triplets) else { return false };
+        let places = images.fixed.pattern().positions_in(matrix.pattern());
+        let (Some(places), true) = (places, rest.is_empty()) else { return false };
+        // a pattern that has not changed stays the same one
+        if **matrix.pattern() == **self.changing.pattern() {
+            self.changing.values_mut().copy_from_slice(matrix.values());
+        } else {
+            (images.places, self.changing) = (places, matrix);
+        }
+        images.step = None;
+        true
+    }
 }
 
 impl System {
-    /// A tangent of zeros with the pattern of this system.
+    /// A tangent of zeros with the pattern of this system; where images are followed it gets theirs with its values.
     #[must_use]
     pub fn new_tangent(&self) -> Tangent {
         Tangent {
             changing: Csr::zeros(self.changing.clone()),
             scene_axes: self.scene_axes.as_ref().map(|s| Csr::zeros(s.pattern.clone())),
+            images: self.follows_images().then(|| OfImages::new(&self.changing)),
         }
     }
 
-    /// The pattern of the changing terms over the free dofs.
+    /// The pattern of the changing terms over the free dofs, without those whose images are followed.
     #[must_use]
     pub fn changing_pattern(&self) -> &Arc<Pattern> {
         &self.changing
@@ -79,6 +148,13 @@ impl System {
     /// # Errors
     /// [`TermError`] with its place; `out` is zero then.
     pub fn tangent(&self, u: &[f64], branches: Branches<'_>, out: &mut Tangent) -> Result<(), TermError> {
+        if out.images.is_some() {
+            let result = self.tangent_of_images(u, branches, out);
+            if result.is_err() {
+                out.changing.values_mut().fill(0.0);
+            }
+            return result;
+        }
         let matrix = out.scene_axes.as_mut().unwrap_or(&mut out.changing);
         let result = self.add_tangents(u, branches, matrix);
         if let (Some(turned), Some(axes)) = (&mut out.scene_axes, &self.scene_axes) {

@@ -67,7 +67,7 @@ impl AssembledTerm {
         if self.entries.list.is_empty() {
             return None;
         }
-        if let Some(moved) = self.moved(mesh, values) {
+        if let Some(moved) = self.moved_with_plans(mesh, values) {
             return moved.local_tangent(mesh, values, wanted);
         }
         let place =
@@ -94,7 +94,7 @@ impl AssembledTerm {
     /// The tangent at the first point of a cell. `None` if the term does not act there.
     #[must_use]
     pub fn point_tangent(&self, mesh: &Mesh, values: FieldValues<'_>, cell: CellId) -> Option<PointTangent> {
-        if let Some(moved) = self.moved(mesh, values) {
+        if let Some(moved) = self.moved_with_plans(mesh, values) {
             return moved.point_tangent(mesh, values, cell);
         }
         let place = |(g, group): (usize, &Group)| group.here.cells.iter().position(|c| *c == cell).map(|e| (g, e));

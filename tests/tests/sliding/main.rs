@@ -1,6 +1,11 @@
 //! Bodies that slide far, through mappings whose images follow them: forces of another program, invariance, momentum, shifts
 //! of images, and what is refused.
 
+mod campaign;
+mod judged;
+mod pattern;
+mod speed;
+
 use std::path::Path;
 
 use wfl_compiler::InterpreterBackend;
@@ -87,11 +92,25 @@ fn the_library_is_the_form_that_is_written_out() {
 /// The forces on the block at 30 steps are those of GetFEM for the same form, and no step needs many iterations.
 #[test]
 fn ironing_has_the_forces_of_getfem() {
+    irons_like_getfem(&examples().join("sliding"), "sliding_ironing.json", &[]);
+}
+
+/// The same on cells half as large.
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn ironing_on_a_finer_mesh_has_the_forces_of_getfem() {
+    let edits = [("ironing.msh", "sliding_ironing_2.msh"), ("gamma = 40", "gamma = 80"), ("\nexpect", "\n# expect")];
+    irons_like_getfem(&Path::new(env!("CARGO_MANIFEST_DIR")).join("reference"), "sliding_ironing_2.json", &edits);
+}
+
+/// The forces of the scene with another mesh of `folder` are these numbers.
+fn irons_like_getfem(folder: &Path, numbers: &str, edits: &[(&str, &str)]) {
     let text = std::fs::read_to_string(examples().join("sliding/ironing.wfl")).expect("an example");
-    let found = solve(&examples().join("sliding"), text, &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    let text = edits.iter().fold(text, |text, (from, to)| text.replace(from, to));
+    let found = solve(folder, text, &[], &[]).unwrap_or_else(|e| panic!("{e}"));
     assert!(found.outcome.converged());
     assert!(found.outcome.warnings.is_empty(), "{:?}", found.outcome.warnings);
-    let of_getfem = reference("sliding_ironing.json");
+    let of_getfem = reference(numbers);
     for name in ["Fx", "Fy"] {
         let expected: Vec<f64> =
             of_getfem[name].as_array().expect("a list").iter().map(|x| x.as_f64().expect("a number")).collect();
@@ -132,6 +151,27 @@ solver newton with tol=1e-14
         assert!(normal[1] > 1e-3, "{normal:?}");
         for (step, force) in normal.iter().enumerate().skip(2) {
             assert!((force - normal[1]).abs() < 1e-12 * normal[1], "step {step}: {force} after {}", normal[1]);
+        }
+    }
+}
+
+/// Two rings that are pressed into each other keep the pressure of Lamé when they are turned by 90 degrees.
+#[test]
+fn a_shrink_fit_that_is_turned_keeps_the_pressure_of_lame() {
+    let text = std::fs::read_to_string(examples().join("sliding/shrink_fit.wfl")).expect("an example");
+    let found = solve(&examples().join("sliding"), text, &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(found.outcome.converged() && found.outcome.warnings.is_empty(), "{:?}", doubts(&found.outcome));
+    // each ring is held on its other side: its pressure is its stiffness times what its face moves
+    let (e, nu, delta, gamma) = (1000.0, 0.3, 1e-4, 2e4);
+    let (a, b, c) = (0.5f64, 1.0f64, 1.5f64);
+    let (la, mu) = (e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), e / (2.0 * (1.0 + nu)));
+    let gives = |r: f64| (r * r - b * b).abs() / b / (2.0 * (la + mu) + 2.0 * mu * r * r / (b * b));
+    let lame = delta / (gives(a) + gives(c) + 1.0 / gamma);
+    for name in ["p", "least", "most"] {
+        let pressure = measure(&found, name);
+        for p in &pressure {
+            assert!((p - lame).abs() < 2e-4 * lame, "{name}: {p} in place of {lame}");
+            assert!((p - pressure[0]).abs() < 1e-9 * lame, "{name}: {p} after {}", pressure[0]);
         }
     }
 }
