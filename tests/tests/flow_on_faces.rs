@@ -3,6 +3,7 @@
 //! References: tests/reference/fracture_flow.json (scikit-fem, and closed forms) and the eigenfunctions of the
 //! Laplace-Beltrami operator on circle, cylinder and sphere.
 
+use wfl_runtime::{assemble::FieldValues, output::Array};
 use wfl_tests::{MeshFolder, Solved, examples, reference, refused, solve, solved};
 
 /// What is polynomial comes out to this.
@@ -280,6 +281,30 @@ fn sphere(n: usize, order: usize) -> String {
         "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{}\n{nodes}$EndNodes\n$Elements\n{count}\n{cells}$EndElements\n",
         numbers.len()
     )
+}
+
+/// A field with one value a face is written as such, beside what is continuous.
+#[test]
+fn one_value_a_face_is_cell_data() {
+    let found = solved(
+        "mesh box [0,0] to [1,1] cells [4,4] quad\nregion floor = faces where y == 0\nunknown p : scalar DP0 on floor\n\
+         unknown q : scalar Q2 on floor\nterm a on floor : (p - x)*Test_p + (q - x)*Test_q\n\
+         output vtk \"floor\" : p, q, p + q as both\n"
+            .to_owned(),
+    );
+    let (system, state) = (&found.scene.system, &found.outcome.steps[0].state);
+    let (current, previous) = (system.slices(state), system.previous_slices());
+    let values = FieldValues { current: &current, previous: &previous, rates: None };
+    let piece = found.scene.vtk[0].pieces[0].sample(&system.mesh, 0.0, 0.0, values);
+    let names = |arrays: &[Array]| arrays.iter().map(|a| a.name.clone()).collect::<Vec<_>>();
+    assert_eq!(
+        (names(&piece.point_data), names(&piece.cell_data)),
+        (vec!["q".to_owned()], vec!["p".to_owned(), "both".to_owned()])
+    );
+    for (face, middle) in [0.125, 0.375, 0.625, 0.875].into_iter().enumerate() {
+        assert!((piece.cell_data[0].values[face] - middle).abs() < EXACT);
+        assert!((piece.cell_data[1].values[face] - 2.0 * middle).abs() < EXACT);
+    }
 }
 
 /// What a face cannot give is refused with what to write.

@@ -37,7 +37,7 @@ use crate::{
         jumps,
         mappings::refused,
         regions::NamedRegion,
-        states::states_read,
+        states::{points_of_entities, states_read},
         terms::{RuleChoice, Rules, domain},
     },
     space::Support,
@@ -132,7 +132,7 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> Made {
 
 impl OutputMaker<'_> {
     fn target(&self, name: &str, set: RegionSet, support: SupportSet) -> Target {
-        let region = NamedRegion { set, span: None, here_name: None, inside: false };
+        let region = NamedRegion { set, edges: None, span: None, here_name: None, inside: false };
         Target { sig: place_sig(name, &region, self.parts.mesh, self.parts.fields), support }
     }
 
@@ -486,7 +486,7 @@ impl OutputMaker<'_> {
         let points = match state.map(|k| self.points_of(k, &target.support, span)) {
             Some(None) => return,
             Some(domain) => domain,
-            None => None,
+            None => points_of_entities(self.parts, &law, &target.support),
         };
         let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
             let (piece, name) = (&mut pieces[position].1, name.to_owned());
