@@ -376,6 +376,10 @@ fn consolidation_and_slip_under_injection_are_those_of_the_references() {
     let mandel = row(&biot["mandel"]["table"], 0.1);
     let injected = row(&slip["two_d"], 0.5);
     let (column, block, fault) = (run("terzaghi"), run("mandel"), run("injection"));
+    let rows = reference("displaced_reservoir.json")["friction"].as_array().expect("a table").clone();
+    let of_bound = |r: &serde_json::Value| number(&r["B"]) == 4.0;
+    let depleted = rows.into_iter().rfind(of_bound).expect("the finest row of that bound");
+    let reservoir = run("reservoir");
     let last = |found: &Solved, name: &str| found.measure(found.outcome.steps.len() - 1, name);
     let length = (f64::exp(75.0 / 48.0) - 1.0) / (f64::exp(5.0) - 1.0) * 40.0;
     for (is, should, within) in [
@@ -386,6 +390,9 @@ fn consolidation_and_slip_under_injection_are_those_of_the_references() {
         (-0.5 * last(&block, "sinks"), number(&mandel["uy_plate"]), 1e-3),
         (last(&block, "spreads"), number(&mandel["ux_side"]), 1e-3),
         (last(&fault, "slip"), 0.6 * length * number(&injected["slip_centre"]), 5e-3),
+        (last(&reservoir, "slip"), number(&depleted["slip_max"]), 0.02),
+        (last(&reservoir, "centre"), number(&depleted["slip_centre"]), 0.01),
+        (-last(&reservoir, "back"), number(&depleted["slip_min"]), 0.05),
     ] {
         assert!((is / should - 1.0).abs() < within, "{is}, {should}");
     }

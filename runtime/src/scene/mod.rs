@@ -91,7 +91,7 @@ use crate::{
     value::{Sampled, Value},
 };
 
-pub(crate) use balances::unbalanced;
+pub(crate) use balances::{Ended, unbalanced};
 use batch::Batch;
 pub use between::Between;
 pub use cadence::{Cadence, Every, StepPlace};
