@@ -93,6 +93,29 @@ fn exchange_cancels_in_the_balance_of_both() {
     }
 }
 
+/// Why `Rate` is refused with schemes whose rates reach back over several steps: what such rates add up to over a run is not
+/// the change of the volume. The parts are those of `docs/flow_in_faults.md`.
+#[test]
+fn rates_of_several_steps_do_not_add_up_to_the_volume() {
+    let more = |scheme: &str, rate: &str, step: f64| {
+        let text = LIFTED.replace("RATE", rate).replace("by 1\n", &format!("by {step}\nscheme {scheme}\n"));
+        let found = solved(text);
+        let last = found.outcome.steps.len() - 1;
+        let taken: f64 = (1..=last).map(|k| step * found.measure(k, "water_volume")).sum();
+        taken / (found.measure(last, "volume") - found.measure(0, "volume")) - 1.0
+    };
+    let by_hand = "Heaviside(u(2))*Dot_u(2)";
+    for (scheme, parts) in [("bdf2", [0.26, 0.075, 0.017]), ("bdf3", [0.16, 0.070, 0.016])] {
+        for (step, part) in [1.0, 0.25, 0.0625].into_iter().zip(parts) {
+            let found = more(scheme, by_hand, step);
+            println!("{scheme}, steps of {step}: {:.2} % too much", 100.0 * found);
+            assert!((found / part - 1.0).abs() < 0.05, "{scheme} {step}: {found}, {part}");
+        }
+    }
+    let found = [by_hand, "Rate(w)"].map(|rate| more("backward_euler", rate, 0.25));
+    assert!((found[0] - 8e-6).abs() < 1e-6 && found[1].abs() < 1e-14, "{found:?}");
+}
+
 /// Steps that the run chooses end at a jump of a load with one that is so short that its storage is known to few digits:
 /// what is lost there is rounding, and no message says that water is lost.
 #[test]
