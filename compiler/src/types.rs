@@ -225,6 +225,8 @@ pub enum PlaceKind {
     Facets,
     /// Facets with two sides.
     Interface,
+    /// Edges of facets: lines in space, points in the plane.
+    Edges,
     /// No place: global unknowns and numbers only.
     Global,
 }
@@ -332,6 +334,8 @@ pub enum InputSlot {
     ImageSlope(u8),
     /// A component of the outward unit normal of a side.
     Normal(Side, u8),
+    /// A component of the unit vector in a face that points out of it at its edge.
+    Conormal(u8),
     /// The size of the cell: smallest singular value of the gradient of the map (largest over its nodes) times the root
     /// of the space dimension, as GetFEM's `element_size`.
     ElementSize(Side),

@@ -45,10 +45,10 @@ pub use savings::{SavingError, savings};
 pub use scene::{
     Auto, Between, Bodies, Cadence, CallerValues, CsvOutput, DEFAULT_STEP_ERROR, Energy, Equations, EventRule, Every,
     Explicit, Forcing, FromWhole, GiveError, Given, InputFile, Measure, Measured, NO_SAMPLING, NamedRegion,
-    ON_ANY_CELLS, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RuleChoice, SampleAt, Samples,
-    Sampling, Scene, SceneBox, ScenePart, Sketch, Solving, Source, StateAt, StateUpdate, StepPlace, Steps, TermSummary,
-    VtkOutput, messages_without_mesh, parts, place_of_moving, prepare, prepare_keeping, prepare_part, prepare_refined,
-    prepare_sampled, without_auto,
+    ON_ANY_CELLS, OpenRim, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RimOfField, RuleChoice,
+    SampleAt, Samples, Sampling, Scene, SceneBox, ScenePart, Sketch, Solving, Source, StateAt, StateUpdate, StepPlace,
+    Steps, TermSummary, VtkOutput, messages_without_mesh, parts, place_of_moving, prepare, prepare_keeping,
+    prepare_part, prepare_refined, prepare_sampled, without_auto,
 };
 pub use solve::SolverMemory;
 pub use system::{

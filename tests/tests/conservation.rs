@@ -4,6 +4,7 @@ use std::path::Path;
 
 use wfl_runtime::Outcome;
 use wfl_tests::{
+    doubts,
     ranks::{self, Holding, Shared},
     refused, solved,
 };
@@ -92,6 +93,42 @@ fn exchange_cancels_in_the_balance_of_both() {
     }
 }
 
+/// Why `Rate` is refused with schemes whose rates reach back over several steps: what such rates add up to over a run is not
+/// the change of the volume. The parts are those of `docs/flow_in_faults.md`.
+#[test]
+fn rates_of_several_steps_do_not_add_up_to_the_volume() {
+    let more = |scheme: &str, rate: &str, step: f64| {
+        let text = LIFTED.replace("RATE", rate).replace("by 1\n", &format!("by {step}\nscheme {scheme}\n"));
+        let found = solved(text);
+        let last = found.outcome.steps.len() - 1;
+        let taken: f64 = (1..=last).map(|k| step * found.measure(k, "water_volume")).sum();
+        taken / (found.measure(last, "volume") - found.measure(0, "volume")) - 1.0
+    };
+    let by_hand = "Heaviside(u(2))*Dot_u(2)";
+    for (scheme, parts) in [("bdf2", [0.26, 0.075, 0.017]), ("bdf3", [0.16, 0.070, 0.016])] {
+        for (step, part) in [1.0, 0.25, 0.0625].into_iter().zip(parts) {
+            let found = more(scheme, by_hand, step);
+            println!("{scheme}, steps of {step}: {:.2} % too much", 100.0 * found);
+            assert!((found / part - 1.0).abs() < 0.05, "{scheme} {step}: {found}, {part}");
+        }
+    }
+    let found = [by_hand, "Rate(w)"].map(|rate| more("backward_euler", rate, 0.25));
+    assert!((found[0] - 8e-6).abs() < 1e-6 && found[1].abs() < 1e-14, "{found:?}");
+}
+
+/// Steps that the run chooses end at a jump of a load with one that is so short that its storage is known to few digits:
+/// what is lost there is rounding, and no message says that water is lost.
+#[test]
+fn a_step_that_ends_at_a_jump_loses_nothing() {
+    let text = "mesh box [0,0] to [1,1] cells [8,2] quad\nregion floor = faces where y == 0\nregion out = rim of floor where x == 1\n\
+        unknown p : scalar on floor\nterm storage on floor : Dot_p*Test_p\nterm flow on floor : Grad_p.Grad_Test_p\n\
+        load p = (if t < 0.333 then 1 else 2) on floor\nfix p = 0 on out\nsteps t = 0 to 1 by auto\nbalance water of p\n";
+    let found = solved(text);
+    let short = found.outcome.steps.windows(2).map(|pair| pair[1].time - pair[0].time).fold(1.0, f64::min);
+    assert!(short < 1e-9, "a step ends at the jump: {short}");
+    assert!(doubts(&found.outcome).iter().all(|told| told.0 != "W650"), "{:?}", doubts(&found.outcome));
+}
+
 #[test]
 fn faces_end_at_their_rim_and_meet_at_their_crossings() {
     let scene = |mesh: &str, regions: &str, faces: &str, lines: &str| {
@@ -134,17 +171,10 @@ fn faces_end_at_their_rim_and_meet_at_their_crossings() {
         ),
         ("region edge = interior of sheet\nterm flow on edge : p*Test_p", "jumps between faces of a surface"),
         ("region edge = rim of below\nterm flow on sheet : p*Test_p\nfix p = 1 on edge", "faces are needed"),
-        ("region edge = rim of sheet\nterm flow on sheet : p*Test_p\nload p = 1 on edge", "per length"),
-        ("region edge = rim of sheet\nterm flow on edge : p*Test_p", "nothing can be integrated"),
     ] {
         let told = refused(&scene(mesh, sheet, "sheet", lines));
         assert!(told.contains(says), "{lines}: {told}");
     }
-    let told = refused(
-        &scene(mesh, sheet, "sheet", "region edge = rim of sheet\nterm flow on sheet : p*Test_p\nfix p = 1 on edge")
-            .replace("scalar on", "scalar Q2 on"),
-    );
-    assert!(told.contains("inside the edges"), "{told}");
 }
 
 /// A fracture with leak-off whose nodes, wells and rims lie on several ranks: the numbers of one rank.

@@ -3,6 +3,7 @@
 //! References: tests/reference/fracture_flow.json (scikit-fem, and closed forms) and the eigenfunctions of the
 //! Laplace-Beltrami operator on circle, cylinder and sphere.
 
+use wfl_runtime::{assemble::FieldValues, output::Array};
 use wfl_tests::{MeshFolder, Solved, examples, reference, refused, solve, solved};
 
 /// What is polynomial comes out to this.
@@ -282,6 +283,30 @@ fn sphere(n: usize, order: usize) -> String {
     )
 }
 
+/// A field with one value a face is written as such, beside what is continuous.
+#[test]
+fn one_value_a_face_is_cell_data() {
+    let found = solved(
+        "mesh box [0,0] to [1,1] cells [4,4] quad\nregion floor = faces where y == 0\nunknown p : scalar DP0 on floor\n\
+         unknown q : scalar Q2 on floor\nterm a on floor : (p - x)*Test_p + (q - x)*Test_q\n\
+         output vtk \"floor\" : p, q, p + q as both\n"
+            .to_owned(),
+    );
+    let (system, state) = (&found.scene.system, &found.outcome.steps[0].state);
+    let (current, previous) = (system.slices(state), system.previous_slices());
+    let values = FieldValues { current: &current, previous: &previous, rates: None };
+    let piece = found.scene.vtk[0].pieces[0].sample(&system.mesh, 0.0, 0.0, values);
+    let names = |arrays: &[Array]| arrays.iter().map(|a| a.name.clone()).collect::<Vec<_>>();
+    assert_eq!(
+        (names(&piece.point_data), names(&piece.cell_data)),
+        (vec!["q".to_owned()], vec!["p".to_owned(), "both".to_owned()])
+    );
+    for (face, middle) in [0.125, 0.375, 0.625, 0.875].into_iter().enumerate() {
+        assert!((piece.cell_data[0].values[face] - middle).abs() < EXACT);
+        assert!((piece.cell_data[1].values[face] - 2.0 * middle).abs() < EXACT);
+    }
+}
+
 /// What a face cannot give is refused with what to write.
 #[test]
 fn second_gradients_on_faces_are_refused_with_a_cure() {
@@ -351,6 +376,10 @@ fn consolidation_and_slip_under_injection_are_those_of_the_references() {
     let mandel = row(&biot["mandel"]["table"], 0.1);
     let injected = row(&slip["two_d"], 0.5);
     let (column, block, fault) = (run("terzaghi"), run("mandel"), run("injection"));
+    let rows = reference("displaced_reservoir.json")["friction"].as_array().expect("a table").clone();
+    let of_bound = |r: &serde_json::Value| number(&r["B"]) == 4.0;
+    let depleted = rows.into_iter().rfind(of_bound).expect("the finest row of that bound");
+    let reservoir = run("reservoir");
     let last = |found: &Solved, name: &str| found.measure(found.outcome.steps.len() - 1, name);
     let length = (f64::exp(75.0 / 48.0) - 1.0) / (f64::exp(5.0) - 1.0) * 40.0;
     for (is, should, within) in [
@@ -361,6 +390,9 @@ fn consolidation_and_slip_under_injection_are_those_of_the_references() {
         (-0.5 * last(&block, "sinks"), number(&mandel["uy_plate"]), 1e-3),
         (last(&block, "spreads"), number(&mandel["ux_side"]), 1e-3),
         (last(&fault, "slip"), 0.6 * length * number(&injected["slip_centre"]), 5e-3),
+        (last(&reservoir, "slip"), number(&depleted["slip_max"]), 0.02),
+        (last(&reservoir, "centre"), number(&depleted["slip_centre"]), 0.01),
+        (-last(&reservoir, "back"), number(&depleted["slip_min"]), 0.05),
     ] {
         assert!((is / should - 1.0).abs() < within, "{is}, {should}");
     }

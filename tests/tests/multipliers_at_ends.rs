@@ -4,7 +4,7 @@
 //! interface prescribed on both sides at its ends, where they can slide only. Traction and slip are uniform (closed
 //! form).
 
-use wfl_tests::{Attempt, attempt, doubts, examples};
+use wfl_tests::{Attempt, attempt, doubts, examples, refused, solved};
 
 const STATE: &str = "\
 param tau = 0.3
@@ -153,4 +153,52 @@ fn directions_that_are_no_axes_are_found() {
     }
     let solved = turned(true).solved.expect("a solution");
     assert!(solved.measure(0, "normal") < 1e-9 && (solved.measure(0, "slip") - 0.2).abs() < 1e-9);
+}
+
+/// A constant pressure through a closed crack inside a body: at its tips both sides are one node, and a multiplier there has no
+/// equation. One value a face beside displacements of degree two has the pressure exactly; the numbers of the other spaces are
+/// those of `docs/flow_in_faults.md`.
+#[test]
+fn one_pressure_a_face_passes_through_a_closed_crack() {
+    let scene = |element: &str, multiplier: &str, cells: &str| {
+        let space = if cells.ends_with("hex") || cells.ends_with("tet") { 3 } else { 2 };
+        let (low, high, exact, inside) = if space == 3 {
+            ("[-1.5,-1.5,-1]", "[1.5,1.5,1]", "[nu/E*x, nu/E*y, -1/E*z]", "z == 0 and abs(x) < 0.6 and abs(y) < 0.6")
+        } else {
+            ("[-1.5,-1]", "[1.5,1]", "[nu*(1 + nu)/E*x, -(1 - nu^2)/E*y]", "y == 0 and abs(x) < 0.5001")
+        };
+        let up = if space == 3 { "z" } else { "y" };
+        format!(
+            "use \"elasticity\"\nparam E = 1000\nparam nu = 0.25\nmesh box {low} to {high} cells {cells}\n\
+             region below = cells where {up} < 0\nregion above = cells where {up} > 0\n\
+             region crack = interface from below to above & faces of below where {inside}\nunknown u : vector {element}\n\
+             split u across crack\nmultiplier l : scalar {multiplier} on crack\n\
+             def jump(a) = a - Interpolate(a, neighbor_element)\ndef exact = {exact}\n\
+             term elastic on all : work(u, Test_u, E, nu)\n\
+             term couple on crack : l*(jump(Test_u).Normal) + (jump(u).Normal)*Test_l\nfix u = exact on boundary\n\
+             measure worst = max(abs(l - 1)) at nodes of crack\nmeasure square = integral(sqr(l - 1)) on crack\n"
+        )
+    };
+    for (element, cells) in [("P2", "[12,12] tri"), ("Q2", "[12,12] quad"), ("Q2", "[6,6,4] hex")] {
+        let found = solved(scene(element, "DP0", cells));
+        assert!(found.measure(0, "worst") < 1e-11, "{element} {cells}: {}", found.measure(0, "worst"));
+    }
+    for (element, multiplier, cells, squares) in [
+        ("P1", "P1", "tri", [0.143, 0.072]),
+        ("Q1", "Q1", "quad", [0.143, 0.072]),
+        ("P2", "P1", "tri", [0.146, 0.073]),
+        ("P2", "P2", "tri", [0.059, 0.029]),
+    ] {
+        for (n, square) in [12, 24].into_iter().zip(squares) {
+            let found = solved(scene(element, multiplier, &format!("[{n},{n}] {cells}")));
+            let (worst, is) = (found.measure(0, "worst"), found.measure(0, "square"));
+            println!("{element} {multiplier} {n}: {worst} {is:.4}");
+            assert!(
+                (worst - 1.0).abs() < 1e-9 && (is - square).abs() < 1e-3,
+                "{element} {multiplier} {n}: {worst} {is}"
+            );
+        }
+    }
+    let told = refused(&scene("P1", "DP0", "[12,12] tri"));
+    assert!(told.contains("is not unique"), "{told}");
 }

@@ -24,6 +24,7 @@ pub const UNSUPPORTED: &[&str] = &[
 
 /// Words with a value of their own in every scene. `x`, `y`, `z`, `t` come on top where they have a meaning.
 pub const CONSTANTS: &[&str] = &[
+    "Conormal",
     "Normal",
     "X",
     "element_B",

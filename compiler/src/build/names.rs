@@ -39,7 +39,9 @@ impl Builder<'_> {
             "x" => return component(self, 0),
             "y" => return component(self, 1),
             "z" => return component(self, 2),
-            "Normal" | "element_size" | "element_K" | "element_B" => return self.geometry(e, name, Side::Here),
+            "Normal" | "Conormal" | "element_size" | "element_K" | "element_B" => {
+                return self.geometry(e, name, Side::Here);
+            }
             "timestep" => {
                 if self.env.step_variable.is_none() {
                     let d = Diagnostic::new("E206", "`timestep` needs a `steps` statement").about("steps").help(STEPS);
@@ -78,7 +80,7 @@ impl Builder<'_> {
             return self.report(d, e, "");
         }
         let env = self.env;
-        let fixed = ["pi", "meshdim", "X", "x", "y", "z", "Normal", "element_size", "timestep"];
+        let fixed = ["pi", "meshdim", "X", "x", "y", "z", "Normal", "Conormal", "element_size", "timestep"];
         let known = env.params.keys().map(String::as_str);
         let known = known.chain(env.fields.iter().map(|f| f.name.as_str()));
         let known = known.chain(fixed).chain(env.step_variable).chain(ops::names().map(|n| -> &str { n }));
@@ -100,16 +102,24 @@ impl Builder<'_> {
 
     /// `Normal`, `element_size`, ... on a side.
     pub(crate) fn geometry(&mut self, e: &Expr, name: &str, side: Side) -> Option<ExprId> {
-        let on_cells = matches!(self.place.kind, PlaceKind::Cells);
-        if self.place.kind == PlaceKind::Global || (on_cells && name == "Normal") {
-            let (code, text) =
-                if name == "Normal" { ("E204", "exists on faces only") } else { ("E204", "needs a cell") };
-            let d = Diagnostic::new(code, format!("`{name}` {text}"));
+        let is_there = match name {
+            "Conormal" => self.place.kind == PlaceKind::Edges,
+            "Normal" => !matches!(self.place.kind, PlaceKind::Cells | PlaceKind::Global),
+            _ => self.place.kind != PlaceKind::Global,
+        };
+        if !is_there {
+            let text = match name {
+                "Conormal" => "exists where faces end: on `rim of` a surface",
+                "Normal" => "exists on faces only",
+                _ => "needs a cell",
+            };
+            let d = Diagnostic::new("E204", format!("`{name}` {text}"));
             let d = d.note(format!("`{}` is {}", self.place.name, self.place.description));
             return self.report(d, e, "");
         }
         Some(self.graph.leaf(match name {
             "Normal" => Leaf::Normal(side),
+            "Conormal" => Leaf::Conormal,
             "element_size" => Leaf::ElementSize(side),
             "element_K" => Leaf::ElementK(side),
             _ => Leaf::ElementB(side),

@@ -116,7 +116,7 @@ impl Builder<'_> {
                 return ops::derivative_of(self, &Call { name, expr: e, args });
             }
             let is_value = FieldWord::split(name).is_some_and(|w| w.has_prefix())
-                || matches!(name.as_str(), "X" | "Normal" | "element_K" | "element_B");
+                || matches!(name.as_str(), "X" | "Normal" | "Conormal" | "element_K" | "element_B");
             if !is_value {
                 return self.unknown_name(callee, name);
             }

@@ -103,7 +103,9 @@ pub(super) fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
             let d = Diagnostic::new("E111", format!("`{n}` at an image that moves has no derivative"));
             b.report(d.help("write a `param`, or the size of the cells of this side"), word, "it jumps between cells")
         }
-        (ExprKind::Name(n), _) if matches!(n.as_str(), "Normal" | "element_size" | "element_K" | "element_B") => {
+        (ExprKind::Name(n), _)
+            if matches!(n.as_str(), "Normal" | "Conormal" | "element_size" | "element_K" | "element_B") =>
+        {
             b.geometry(word, n, Side::There)
         }
         (ExprKind::Name(n), _) => b.field_word(word, n, Side::There),

@@ -101,6 +101,7 @@ fn region(domain: &Domain) -> Option<RegionSet> {
         Over::Cells => {
             return Some(RegionSet::Cells(groups.iter().flat_map(|g| g.here.cells.iter().copied()).collect()));
         }
+        Over::Edges => return Some(RegionSet::Edges(domain.edges().collect())),
         Over::Facets => {}
     }
     if groups.iter().all(|g| g.there.is_none()) {

@@ -78,7 +78,7 @@ fn tables(loaded: &Loaded, scene: &Scene, library: Option<Linked>, parse: f64) -
     let mut list = vec![mesh(scene)];
     list.extend(refinements(loaded, scene));
     list.extend([quality(scene), regions(loaded, scene)]);
-    list.extend([interfaces(scene), fields(loaded, scene), parameters(loaded, scene)]);
+    list.extend([interfaces(scene), fields(loaded, scene), rims(scene), parameters(loaded, scene)]);
     list.push(units(loaded));
     list.extend(tables_read(loaded));
     list.extend([terms(scene), conditions(loaded, scene), measures(loaded), outputs(loaded, scene)]);
@@ -183,7 +183,8 @@ fn measure(mesh: &mesh::Mesh, set: &RegionSet) -> Value {
         RegionSet::Interface(pairs) => {
             sum(mesh::facet_measures(mesh, &pairs.iter().map(|p| p.here).collect::<Vec<_>>()))
         }
-        RegionSet::Nodes(_) => Value::Null,
+        RegionSet::Edges(edges) if mesh.dim() > 2 => sum(mesh::edge_lengths(mesh, edges)),
+        RegionSet::Edges(_) | RegionSet::Nodes(_) => Value::Null,
     }
 }
 
@@ -197,14 +198,14 @@ fn regions(loaded: &Loaded, scene: &Scene) -> Table {
             RegionSet::Cells(_) => "cells",
             RegionSet::Facets(_) => "faces",
             RegionSet::Interface(_) => "interface",
-            RegionSet::Nodes(_) => "nodes",
+            RegionSet::Edges(_) | RegionSet::Nodes(_) => "nodes",
         };
         let statement = region.span.map_or(Value::Null, |s| line(loaded, s));
         table.push(vec![
             name.clone().into(),
             kind.into(),
             region.set.len().into(),
-            measure(&scene.system.mesh, &region.set),
+            measure(&scene.system.mesh, &region.support()),
             statement,
         ]);
     }
@@ -310,6 +311,32 @@ fn fields(loaded: &Loaded, scene: &Scene) -> Table {
             range.map_or(0, |r| r.len()).into(),
             free.unwrap_or(0).into(),
         ]);
+    }
+    table
+}
+
+/// Where fluxes of fields on faces meet no condition at the rim of the faces.
+fn rims(scene: &Scene) -> Table {
+    let columns = ["field", "rim", "without a condition", "from", "to", "flux out of it"];
+    let mut table = Table::new("rims", &columns);
+    let dim = scene.system.mesh.dim();
+    let corner = |x: &[f64; 3]| Value::from(x[..dim].iter().map(|c| short(*c)).collect::<Vec<_>>());
+    for rim in scene.rims_of_fields() {
+        let row = |part: &str, n: usize| vec![rim.field.clone().into(), part.into(), n.into()];
+        let all = format!("{} nodes", rim.nodes);
+        if rim.open.is_empty() {
+            table.push([row(&all, 0), vec![Value::Null; 3]].concat());
+        }
+        if rim.open.len() > SHEETS_SHOWN {
+            let n = rim.open.iter().map(|part| part.nodes).sum();
+            let pieces = format!("{all}, {} pieces", rim.open.len());
+            table.push([row(&pieces, n), vec![Value::Null, Value::Null, "none".into()]].concat());
+            continue;
+        }
+        for part in &rim.open {
+            let place = vec![corner(&part.low), corner(&part.high), "none".into()];
+            table.push([row(&all, part.nodes), place].concat());
+        }
     }
     table
 }

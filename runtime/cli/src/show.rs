@@ -136,6 +136,7 @@ fn input_text(slot: InputSlot, sigs: &[FieldSig]) -> String {
         InputSlot::ImageShift(k) => format!("shift of the image, entry {}", k + 1),
         InputSlot::ImageSlope(k) => format!("slope of the normal there, entry {}", k + 1),
         InputSlot::Normal(s, k) => format!("Normal({}){}", k + 1, side(s)),
+        InputSlot::Conormal(k) => format!("Conormal({})", k + 1),
         InputSlot::ElementSize(s) => format!("element_size{}", side(s)),
         InputSlot::ElementK(s, k) => format!("element_K entry {}{}", k + 1, side(s)),
         InputSlot::ElementB(s, k) => format!("element_B entry {}{}", k + 1, side(s)),

@@ -5,6 +5,7 @@
 //! entities of a group are processed [`LANES`] at a time. Weights are those of the reference entity.
 
 mod boxes;
+mod edges;
 mod moving;
 mod points;
 mod rays;
@@ -15,6 +16,7 @@ use std::{
     sync::Arc,
 };
 
+pub use edges::Edge;
 pub use moving::{Follows, ImageMotion, MovingPoints};
 pub use shifts::ShiftCheck;
 use wfl_compiler::{ir::LANES, types::EntityGeometry};
@@ -23,7 +25,10 @@ use crate::areas::{NodeAreas, cross};
 use wfl_host::team::Team;
 use wfl_mesh::{
     element::Table,
-    mesh::{CellId, CellKind, FacetMap, FacetRef, Image, Mesh, MeshError, Polynomials, RegionSet, neighbour_points},
+    mesh::{
+        CellId, CellKind, FaceEdge, FacetMap, FacetRef, Image, Mesh, MeshError, Polynomials, RegionSet,
+        neighbour_points,
+    },
     quadrature::{Rule, facet_points},
 };
 
@@ -41,10 +46,12 @@ pub fn entity_geometries(mesh: &Mesh, region: &RegionSet) -> Vec<EntityGeometry>
         order: mesh.facet_map_order(facet),
         ..of_cell(facet.cell)
     };
+    let of_edge = |edge: FaceEdge| EntityGeometry { dim: mesh.dim().saturating_sub(2), ..of_facet(edge.face) };
     let shapes: BTreeSet<EntityGeometry> = match region {
         RegionSet::Cells(cells) => cells.iter().map(|c| of_cell(*c)).collect(),
         RegionSet::Facets(facets) => facets.iter().map(|f| of_facet(*f)).collect(),
         RegionSet::Interface(pairs) => pairs.iter().map(|p| of_facet(p.here)).collect(),
+        RegionSet::Edges(edges) => edges.iter().map(|e| of_edge(*e)).collect(),
         RegionSet::Nodes(_) => BTreeSet::new(),
     };
     if mesh.is_whole() { shapes.into_iter().collect() } else { shapes_of_all(&shapes, mesh.team()) }
@@ -101,6 +108,8 @@ pub struct Group {
     pub parameters: Vec<[f64; 3]>,
     /// Derivatives of the reference point in the facet parameters; `None` on cells.
     pub tangents: Option<[[f64; 3]; 2]>,
+    /// Where the edges lie in their faces, of a group of edges.
+    pub edge: Option<Edge>,
     /// The area vectors of the points of a nodal rule on quadrilateral faces; elsewhere they are those of the map there.
     pub areas: Option<NodeAreas>,
     /// Outward normal of the reference facet.
@@ -156,7 +165,9 @@ impl Group {
     #[must_use]
     pub fn name(&self, mesh: &Mesh, k: usize) -> usize {
         let local = self.here.facets.get(k).map_or(u8::MAX, |facet| facet.local);
-        (mesh.cell_number(self.here.cells[k]) as usize) << 8 | usize::from(local)
+        // a cell has six facets at most, and these four edges
+        let edge = self.edge.map_or(0, |edge| (edge.local + 1) << 4);
+        (mesh.cell_number(self.here.cells[k]) as usize) << 8 | usize::from(local | edge)
     }
 
     /// The requested side.
@@ -200,6 +211,8 @@ pub enum Over {
     Cells,
     /// Facets, with one side or two.
     Facets,
+    /// Edges of facets.
+    Edges,
     /// Single points, of weight 1.
     Points,
 }
@@ -283,6 +296,7 @@ impl Domain {
                 let sides: Vec<(FacetRef, Option<FacetRef>)> = pairs.iter().map(|p| (p.here, Some(p.there))).collect();
                 (Over::Facets, facet_groups(mesh, &sides, &rule_of)?)
             }
+            RegionSet::Edges(edges) => (Over::Edges, edges::groups(mesh, edges, rule)),
             RegionSet::Nodes(_) => (Over::Points, Vec::new()),
         };
         Ok(Self { over, dim: mesh.dim(), n_entities: region.len(), groups, moving: None })
@@ -322,7 +336,7 @@ impl Domain {
             return self.groups.iter().map(place).collect();
         }
         // what is gathered is small: facets, or a number for each group of cells
-        let on_facets = self.over == Over::Facets;
+        let on_facets = matches!(self.over, Over::Facets | Over::Edges);
         let mut words: Vec<u64> = Vec::new();
         let key = |g: &Group| g.key.iter().fold(0, |word, byte| word << 8 | u64::from(*byte));
         for group in &self.groups {
@@ -421,6 +435,7 @@ fn part(mesh: &Mesh, group: &Group, k: usize, image: Image, points: &[ImagePoint
         weights: points.iter().map(|(q, _)| group.weights[*q]).collect(),
         parameters: pick(&group.parameters),
         tangents: group.tangents,
+        edge: group.edge,
         areas: None,
         reference_normal: group.reference_normal,
         is_global: group.is_global,
@@ -473,6 +488,7 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
                 weights: rule.weights.clone(),
                 parameters: rule.points.clone(),
                 tangents: None,
+                edge: None,
                 areas: None,
                 reference_normal: [0.0; 3],
                 is_global: false,
@@ -514,6 +530,7 @@ fn facet_groups(
             weights: rule.weights.clone(),
             parameters: rule.points.clone(),
             tangents: Some(kind.facet_map(local).tangents),
+            edge: None,
             areas: NodeAreas::new(mesh, kind, local, &rule),
             reference_normal: kind.facet_normal(local),
             is_global: false,

@@ -187,6 +187,7 @@ impl Field {
                 let facets: Vec<FacetRef> = pairs.iter().flat_map(|p| [p.here, p.there]).collect();
                 space.nodes_on_facets(mesh, topology, &facets)
             }
+            RegionSet::Edges(edges) => space.nodes_on_edges(mesh, edges),
             RegionSet::Nodes(nodes) => space.nodes_at_mesh_nodes(nodes),
         }
     }

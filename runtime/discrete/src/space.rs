@@ -14,7 +14,7 @@ pub use part::SpacePart;
 use std::collections::BTreeSet;
 
 use wfl_mesh::element::{DofEntity, Element, ElementError, Family};
-use wfl_mesh::mesh::{CellId, CellKind, EdgeTable, FacetId, FacetRef, Mesh, NodeId, Topology};
+use wfl_mesh::mesh::{CellId, CellKind, EdgeTable, FaceEdge, FacetId, FacetRef, Mesh, NodeId, Topology};
 use wfl_sparse::index::NONE;
 
 /// Where a space lives.
@@ -354,6 +354,22 @@ impl Space {
             match (&self.support, self.family) {
                 (Support::Facets(_), Family::Continuous) => self.shared_nodes(mesh, topology, *facet, &mut found),
                 _ => self.own_nodes(topology, *facet, &mut found),
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    /// The same of edges of faces: of spaces on faces also the nodes between their ends.
+    #[must_use]
+    pub fn nodes_on_edges(&self, mesh: &Mesh, edges: &[FaceEdge]) -> Vec<u32> {
+        let ends: BTreeSet<NodeId> = edges.iter().flat_map(|edge| mesh.edge_ends(*edge)).collect();
+        let mut found = self.nodes_at_mesh_nodes(&ends.into_iter().collect::<Vec<_>>());
+        for edge in edges {
+            if let Some((element, nodes)) = self.on_facet(edge.face) {
+                let closure = element.facet_closure(usize::from(edge.local));
+                found.extend(closure.iter().map(|dof| nodes[*dof]));
             }
         }
         found.sort_unstable();

@@ -136,6 +136,7 @@ fn problem(scene: &Scene) -> Problem {
             RegionSet::Cells(_) => "cells",
             RegionSet::Facets(_) => "faces",
             RegionSet::Interface(_) => "faces with two sides",
+            RegionSet::Edges(_) => "edges",
             RegionSet::Nodes(_) => "nodes",
         };
         format!("{} {word}", set.len())

@@ -261,6 +261,7 @@ fn members(set: &RegionSet, dim: usize) -> (f64, i32) {
         RegionSet::Cells(c) => (c.len() as f64, d),
         RegionSet::Facets(f) => (f.len() as f64, d - 1),
         RegionSet::Interface(f) => (f.len() as f64, d - 1),
+        RegionSet::Edges(e) => (e.len() as f64, d - 2),
         RegionSet::Nodes(n) => (n.len() as f64, 0),
     }
 }

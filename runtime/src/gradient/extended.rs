@@ -112,6 +112,7 @@ impl<'a> Extended<'a> {
         let kind = match domain.over {
             crate::assemble::Over::Facets if two_sides => PlaceKind::Interface,
             crate::assemble::Over::Facets => PlaceKind::Facets,
+            crate::assemble::Over::Edges => PlaceKind::Edges,
             _ => PlaceKind::Cells,
         };
         PlaceSig {

@@ -64,7 +64,7 @@ impl Located {
                 let one = |p: &InterfaceFacet| (p.here, RegionSet::Interface(vec![*p]));
                 Self::on_faces(mesh, pairs.iter().map(one).collect(), points)
             }
-            RegionSet::Nodes(_) => Self::on_faces(mesh, Vec::new(), points),
+            RegionSet::Edges(_) | RegionSet::Nodes(_) => Self::on_faces(mesh, Vec::new(), points),
         }
     }
 
@@ -130,6 +130,7 @@ fn cell_group(mesh: &Mesh, cell: CellId, points: Vec<[f64; 3]>) -> Group {
         weights: vec![1.0; points.len()],
         parameters: points,
         tangents: None,
+        edge: None,
         areas: None,
         reference_normal: [0.0; 3],
         is_global: false,

@@ -16,7 +16,7 @@ use crate::{
     finite::BadMeasure,
     newton::Stop,
     output::{self, EventReport, OutputDir, Piece, Real, Report, State, write_csv, write_report, write_vtu},
-    scene::{Equations, Scene, Solving, VtkOutput, unbalanced},
+    scene::{Ended, Equations, Scene, Solving, VtkOutput, unbalanced},
 };
 
 /// What a run ends with.
@@ -126,8 +126,9 @@ impl Run {
         let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
         let balance = self.stepper.balance.as_ref();
         warnings.extend(lost(scene, balance, measured));
-        let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
-        warnings.extend(unbalanced(scene, measured));
+        let floor = |s: &StepResult| s.history.iterations.last().map_or(0.0, |i| i.floor);
+        let ended = self.steps.iter().map(|s| Ended { time: s.time, measures: &s.measures, floor: floor(s) });
+        warnings.extend(unbalanced(scene, ended));
         let longest = || scene.steps.longest_increment();
         warnings.extend(self.stepper.stability.told(longest));
         warnings.extend(self.forced(scene));

@@ -138,19 +138,26 @@ impl Builder<'_> {
     }
 }
 
-/// W650: the step with the largest part that is lost of what moved, where that is more than Newton leaves; steps by the step
-/// variable and their measures.
-pub(crate) fn unbalanced<'s>(
-    scene: &Scene,
-    steps: impl Iterator<Item = (f64, &'s [(String, f64)])> + Clone,
-) -> Vec<Diagnostic> {
+/// What is looked at of a step.
+#[derive(Clone, Copy)]
+pub(crate) struct Ended<'s> {
+    /// The step variable.
+    pub(crate) time: f64,
+    pub(crate) measures: &'s [(String, f64)],
+    /// The part of the forces that rounding leaves: of a step that is short beside what it stores no more is known.
+    pub(crate) floor: f64,
+}
+
+/// W650: the step with the largest part that is lost of what moved, where that is more than Newton leaves.
+pub(crate) fn unbalanced<'s>(scene: &Scene, steps: impl Iterator<Item = Ended<'s>> + Clone) -> Vec<Diagnostic> {
     let told = |name: &String| {
-        let worst = steps.clone().map(|(time, measures)| {
+        let worst = steps.clone().map(|Ended { time, measures, floor }| {
             let of = |m: &&(String, f64)| m.0.strip_prefix(name.as_str()).is_some_and(|end| end.starts_with('_'));
             let is_lost = |m: &&(String, f64)| m.0.strip_prefix(name.as_str()) == Some("_lost");
             let own = || measures.iter().filter(of);
             let moved = own().filter(|m| !is_lost(m)).fold(0.0f64, |most, m| most.max(m.1.abs()));
             let lost = own().find(is_lost).map_or(0.0, |m| m.1);
+            let lost = if part(lost, moved) > floor { lost } else { 0.0 };
             (time, lost, moved)
         });
         let (time, lost, moved) = worst.max_by(|a, b| part(a.1, a.2).total_cmp(&part(b.1, b.2)))?;

@@ -25,7 +25,7 @@ use crate::{
         normals::node_normals,
         terms::{component, restricted},
     },
-    space::Space,
+    space::{Space, Support},
     system::Numbering,
     value::Value,
 };
@@ -358,7 +358,7 @@ impl ConstraintMaker<'_> {
             vec![0]
         } else {
             let region = self.parts.regions.get(&place.name)?;
-            field.nodes_in(self.parts.mesh, self.parts.topology, &region.set)
+            region.nodes_of(field, self.parts.mesh, self.parts.topology)
         };
         // a part of the mesh may have none of them
         if nodes.is_empty() && self.parts.mesh.is_whole() {
@@ -408,8 +408,14 @@ impl ConstraintMaker<'_> {
         if self.parts.mesh.dim() < 3 || field.degree() < 2 || !edges::are_in(self.parts.script, &place.name) {
             return Some(());
         }
+        let is_on_faces =
+            matches!(&field.space, FieldSpace::Nodal(space) if matches!(space.support(), Support::Facets(_)));
+        if is_on_faces && self.parts.regions.get(&place.name).is_some_and(|region| region.edges.is_some()) {
+            return Some(());
+        }
         let d = Diagnostic::new("E405", format!("`{}` has nodes inside the edges of `{}`", field.name, place.name));
-        let text = "values there would stay free: of edges in space only fields of degree 1 are fixed";
+        let text =
+            "values there would stay free: of a field of a higher degree that does not live on faces, and of crossings";
         self.diagnostics.push(d.at(place.span, text).help("a region of faces at the rim, or an element of degree 1"));
         None
     }
@@ -421,7 +427,7 @@ impl ConstraintMaker<'_> {
             RegionSet::Facets(f) => Some(f.iter().map(|f| f.cell).collect()),
             RegionSet::Interface(i) => Some(i.iter().map(|p| p.here.cell).collect()),
             RegionSet::Cells(c) => Some(c.iter().copied().collect()),
-            RegionSet::Nodes(_) => None,
+            RegionSet::Edges(_) | RegionSet::Nodes(_) => None,
         };
         // the first declared body that holds all of them
         let owner = self.parts.script.regions.iter().find(|r| {

@@ -15,7 +15,7 @@ use wfl::{
 
 use crate::{
     element::Table,
-    mesh::{CellId, CellKind, FacetRef, Mesh, NodeId, RegionSet, cell_volumes, facet_measures},
+    mesh::{CellId, CellKind, FaceEdge, FacetRef, Mesh, NodeId, RegionSet, cell_volumes, edge_lengths, facet_measures},
 };
 
 /// A smaller part of a face is the width of a tolerance, as in `x > 0.99*b`, or `abs(x - c) < 1.1*h` for the faces at a node.
@@ -113,6 +113,8 @@ fn parts(region: &RegionExpr) -> Vec<&Ident> {
 const GRID: [usize; 4] = [1, 400, 30, 14];
 /// ... unless more than so many points are needed for all of them, whose errors then cancel.
 const POINTS: usize = 200_000;
+/// Points on an edge.
+const EDGE_POINTS: u32 = 64;
 /// Points in each direction at least.
 const FEW: usize = 3;
 
@@ -165,6 +167,9 @@ pub(super) fn told(
         (RegionSet::Facets(all), RegionSet::Facets(taken)) if !taken.is_empty() && mesh.dim() > 1 => {
             (looker.faces(all, taken)?, "face", "a face is taken where its corners and its centre fulfil it")
         }
+        (RegionSet::Edges(all), RegionSet::Edges(taken)) if !taken.is_empty() && mesh.dim() > 2 => {
+            (looker.edges(all, taken)?, "edge", "an edge is taken where its ends and its middle fulfil it")
+        }
         _ => return None,
     };
     Some(message(mesh, &cut, one, rule, span))
@@ -174,8 +179,9 @@ fn message(mesh: &Mesh, cut: &Cut, one: &str, rule: &str, span: Span) -> Diagnos
     let there = cut.taken - cut.outside + cut.missed;
     let many = if cut.n == 1 { format!("1 {one}") } else { format!("{} {one}s", cut.n) };
     let size = percent((cut.taken - there).abs() / there);
-    let text = if one == "face" {
-        format!("this condition cuts {many}: {size} of the area where it holds is left out")
+    let text = if one != "cell" {
+        let what = if one == "face" { "area" } else { "length" };
+        format!("this condition cuts {many}: {size} of the {what} where it holds is left out")
     } else if (cut.taken - there).abs() >= Counted::Fully.size() * there {
         let word = if cut.taken > there { "more" } else { "less" };
         format!("this condition cuts {many}: the cells taken have {size} {word} than where it holds")
@@ -188,7 +194,7 @@ fn message(mesh: &Mesh, cut: &Cut, one: &str, rule: &str, span: Span) -> Diagnos
     let differs = |d: usize| (taken.0[d] - held.0[d]).abs().max((taken.1[d] - held.1[d]).abs());
     let axis = (0..mesh.dim()).max_by(|a, b| differs(*a).total_cmp(&differs(*b))).unwrap_or(0);
     let name = ["x", "y", "z"][axis];
-    let d = if one == "face" {
+    let d = if one != "cell" {
         d.note(format!("what is taken spans {name} = {} to {}", short(taken.0[axis]), short(taken.1[axis])))
     } else {
         d
@@ -289,6 +295,40 @@ impl Looker<'_> {
         (counts && there > 0.0).then_some(cut)
     }
 
+    fn edges(&mut self, all: &[FaceEdge], taken: &[FaceEdge]) -> Option<Cut> {
+        let mesh = self.mesh;
+        let ends = |edge: FaceEdge| [0, 1].map(|k| mesh.node(mesh.edge_ends(edge)[k]));
+        let mut cut = Cut::new();
+        let mut left_out: Vec<(FaceEdge, f64)> = Vec::new();
+        // what meets an edge that is taken at an angle is not wanted, as of faces
+        for edge in all.iter().filter(|e| taken.binary_search(e).is_err()) {
+            let goes_on = |other: &FaceEdge| {
+                let shared = mesh.edge_ends(*other).iter().any(|node| mesh.edge_ends(*edge).contains(node));
+                shared && are_along(ends(*edge), ends(*other))
+            };
+            if !taken.iter().any(goes_on) {
+                continue;
+            }
+            let inside = (0..EDGE_POINTS).filter(|k| {
+                let [a, b] = ends(*edge);
+                let s = (f64::from(*k) + 0.5) / f64::from(EDGE_POINTS);
+                (self.holds)([0, 1, 2].map(|d| a[d] + s * (b[d] - a[d])))
+            });
+            let share = inside.count() as f64 / f64::from(EDGE_POINTS);
+            if share >= SLIVER {
+                left_out.push((*edge, share));
+            }
+        }
+        cut.n = left_out.len();
+        cut.taken = edge_lengths(mesh, taken).iter().sum();
+        cut.borders = left_out.iter().all(|(_, share)| *share >= WHOLE);
+        let lengths = edge_lengths(mesh, &left_out.iter().map(|e| e.0).collect::<Vec<_>>());
+        cut.missed = left_out.iter().zip(lengths).map(|((_, share), length)| share * length).sum();
+        taken.iter().flat_map(|edge| ends(*edge)).for_each(|x| cut.bounds[0].add(x));
+        left_out.iter().flat_map(|(edge, _)| ends(*edge)).for_each(|x| cut.bounds[1].add(x));
+        (cut.n > 0 && cut.missed >= self.counted.size() * (cut.taken + cut.missed)).then_some(cut)
+    }
+
     fn faces(&mut self, all: &[FacetRef], taken: &[FacetRef]) -> Option<Cut> {
         let mesh = self.mesh;
         let mut cut = Cut::new();
@@ -360,6 +400,13 @@ fn of_one_surface(mesh: &Mesh, taken: &[FacetRef], mut left_out: Vec<(FacetRef, 
         left_out = rest;
     }
     found
+}
+
+/// Whether two edges lie nearly along one line.
+fn are_along(one: [[f64; 3]; 2], other: [[f64; 3]; 2]) -> bool {
+    let [a, b] = [one, other].map(|[from, to]| [0, 1, 2].map(|d| to[d] - from[d]));
+    let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    dot(a, b).abs() >= SMOOTH * (dot(a, a) * dot(b, b)).sqrt()
 }
 
 /// Whether two faces lie in nearly one plane.

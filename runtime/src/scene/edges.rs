@@ -1,7 +1,8 @@
 //! Where the faces of a surface end and meet: `nodes of s`, `rim of s`, `crossings of s`.
 //!
-//! In the plane faces are lines and meet at points, in space they meet along edges. Promises: edges are those of the
-//! vertices of the cells; nodes in the middle of edges of second order are in no region.
+//! In the plane faces are lines and meet at points, in space they meet along edges. Promises: nodes are those of the
+//! vertices of the cells; the edges of a rim have one face each, from which they are seen. Nodes and edges are picked by one
+//! condition: an edge is taken where it holds at its ends and in its middle.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -13,7 +14,14 @@ use wfl::{
     ast::{EntityKind, RegionExpr},
 };
 
-use crate::mesh::{FacetRef, Mesh, NodeId, RegionSet};
+use crate::mesh::{FaceEdge, FacetRef, Mesh, NodeId};
+
+/// Nodes of a surface, and the edges of a rim.
+pub(super) struct Ends {
+    pub(super) nodes: Vec<NodeId>,
+    /// `None` for nodes that are those of no rim.
+    pub(super) edges: Option<Vec<FaceEdge>>,
+}
 
 /// The nodes of some faces that are picked: all of them, those of edges with one face, or with three and more.
 ///
@@ -24,7 +32,7 @@ pub(super) fn between(
     entity: EntityKind,
     faces: &[FacetRef],
     span: Span,
-) -> Result<BTreeSet<NodeId>, Box<Diagnostic>> {
+) -> Result<Ends, Box<Diagnostic>> {
     let wanted: fn(usize) -> bool = match entity {
         EntityKind::Rim => |n| n == 1,
         EntityKind::Crossings => |n| n > 2,
@@ -33,51 +41,63 @@ pub(super) fn between(
                 "E405",
                 "`interior` is that of the mesh: jumps between faces of a surface are not available",
             );
-            let text = "a region of edges, of which only `rim` and `crossings` have nodes to be fixed";
+            let text = "a region of edges between two faces, which has no values of its own";
             return Err(d.at(span, text).help("`interior` alone: the inner faces of all cells").into());
         }
         _ => |_| true,
     };
-    let mut faces_at: BTreeMap<Vec<NodeId>, usize> = BTreeMap::new();
-    for face in faces {
-        edges(mesh, *face).for_each(|edge| *faces_at.entry(edge).or_default() += 1);
-    }
+    let faces_at = faces_at(mesh, faces);
     if faces_at.is_empty() {
         let d = Diagnostic::new("E405", "on a line faces are points: they have no edges");
         return Err(d.at(span, "").help("region ends = nodes where x == 0").into());
     }
-    Ok(faces_at.into_iter().filter(|(_, n)| wanted(*n)).flat_map(|(edge, _)| edge).collect())
+    let found = || faces_at.iter().filter(|(_, faces)| wanted(faces.len()));
+    let nodes: BTreeSet<NodeId> = found().flat_map(|(ends, _)| ends).copied().collect();
+    let mut edges: Vec<FaceEdge> = found().map(|(_, faces)| faces[0]).collect();
+    edges.sort_unstable();
+    let edges = (entity == EntityKind::Rim).then_some(edges);
+    Ok(Ends { nodes: nodes.into_iter().collect(), edges })
 }
 
-/// The edges of a face by their nodes, sorted; in the plane its two ends.
-fn edges(mesh: &Mesh, face: FacetRef) -> impl Iterator<Item = Vec<NodeId>> {
-    let vertices = mesh.facet_vertices(face);
-    let nodes = vertices.vertices().to_vec();
-    let of_edges: Vec<Vec<usize>> = match mesh.dim() {
-        1 => Vec::new(),
-        2 => vec![vec![0], vec![1]],
-        _ => mesh.facet_kind(face).edges().iter().map(|ends| ends.to_vec()).collect(),
-    };
-    of_edges.into_iter().map(move |ends| {
-        let mut edge: Vec<NodeId> = ends.into_iter().map(|k| nodes[k]).collect();
-        edge.sort_unstable();
-        edge
-    })
+/// The edges with one face alone of some faces.
+pub(super) fn rim(mesh: &Mesh, faces: &[FacetRef]) -> Vec<FaceEdge> {
+    faces_at(mesh, faces).into_values().filter(|faces| faces.len() == 1).map(|faces| faces[0]).collect()
 }
 
-/// Those of the nodes where a condition holds.
-pub(super) fn pick(
-    mesh: &Mesh,
-    nodes: BTreeSet<NodeId>,
-    holds: &mut dyn FnMut([f64; 3]) -> Result<bool, Infallible>,
-) -> Result<RegionSet, Infallible> {
-    let mut picked = Vec::new();
-    for node in nodes {
-        if holds(mesh.node(node))? {
-            picked.push(node);
-        }
+/// By the ends of an edge, sorted, the faces that have it.
+fn faces_at(mesh: &Mesh, faces: &[FacetRef]) -> BTreeMap<Vec<NodeId>, Vec<FaceEdge>> {
+    let mut found: BTreeMap<Vec<NodeId>, Vec<FaceEdge>> = BTreeMap::new();
+    for edge in faces.iter().flat_map(|face| mesh.edges_of_face(*face)) {
+        let mut ends = mesh.edge_ends(edge);
+        ends.sort_unstable();
+        found.entry(ends).or_default().push(edge);
     }
-    Ok(RegionSet::Nodes(picked))
+    found
+}
+
+impl Ends {
+    /// Those where a condition holds.
+    pub(super) fn pick(
+        self,
+        mesh: &Mesh,
+        holds: &mut dyn FnMut([f64; 3]) -> Result<bool, Infallible>,
+    ) -> Result<Self, Infallible> {
+        let mut nodes = Vec::new();
+        for node in self.nodes {
+            if holds(mesh.node(node))? {
+                nodes.push(node);
+            }
+        }
+        let mut edges = self.edges.as_ref().map(|_| Vec::new());
+        for edge in self.edges.into_iter().flatten() {
+            let ends = mesh.edge_ends(edge);
+            let are_in = ends.iter().all(|end| nodes.binary_search(end).is_ok());
+            if are_in && holds(mesh.edge_middle(edge))? {
+                edges.get_or_insert_default().push(edge);
+            }
+        }
+        Ok(Self { nodes, edges })
+    }
 }
 
 /// True for a region that has edges of faces in it: in space their middles are nodes of degree two, and loads on them are

@@ -53,7 +53,8 @@ impl Builder<'_> {
         for fix in &script.fixes {
             for (target, place) in fix.targets.iter().flat_map(|t| fix.places.iter().map(move |p| (t, p))) {
                 let field = self.fields.iter().find(|f| f.name == target.field.name);
-                let set = self.regions.get(&place.name).map(|r| &r.set);
+                // a rim has the nodes between the ends of its edges
+                let set = self.regions.get(&place.name).filter(|r| r.edges.is_none()).map(|r| &r.set);
                 let (Some(field), Some(RegionSet::Nodes(nodes))) = (field, set) else { continue };
                 let n = self.nodes_between(field, nodes);
                 if n > 0 {

@@ -92,7 +92,7 @@ fn choice(parts: Parts<'_>, laws: &[&PlacedLaw]) -> Option<RuleChoice> {
     let facets: Vec<FacetRef> = match set {
         RegionSet::Facets(facets) => facets.clone(),
         RegionSet::Interface(pairs) => pairs.iter().map(|p| p.here).collect(),
-        RegionSet::Cells(_) | RegionSet::Nodes(_) => return None,
+        RegionSet::Cells(_) | RegionSet::Edges(_) | RegionSet::Nodes(_) => return None,
     };
     let kinked: Vec<&PlacedLaw> = laws.iter().copied().filter(|l| l.law.degree.kinked).collect();
     let mapped = laws.iter().any(|l| l.law.listing.graph.mapping.is_some());

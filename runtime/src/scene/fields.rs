@@ -98,7 +98,7 @@ impl FieldMaker<'_> {
                 let facets: Vec<FacetRef> = pairs.iter().map(|p| p.here).collect();
                 Space::on_facets(mesh, topology, &facets, degree, family)
             }
-            RegionSet::Nodes(_) => {
+            RegionSet::Edges(_) | RegionSet::Nodes(_) => {
                 let d = Diagnostic::new("E405", "a field is defined on cells or faces, not on nodes");
                 self.diagnostics.push(d.at(declared.space.span, ""));
                 return None;
@@ -289,21 +289,24 @@ pub(super) fn support(
 
 /// What the compiler knows of a region; found by all ranks together where each has a part of the mesh alone.
 pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &[Field]) -> PlaceSig {
-    let (kind, description) = match &region.set {
+    let support = region.support();
+    let (kind, description) = match &support {
         RegionSet::Cells(c) => (PlaceKind::Cells, format!("a region of {} cells", c.len())),
         RegionSet::Facets(f) => match region.inside {
             true => (PlaceKind::Facets, format!("{} faces inside the mesh, seen from one side", f.len())),
             false => (PlaceKind::Facets, format!("{} faces with one side", f.len())),
         },
         RegionSet::Interface(i) => (PlaceKind::Interface, format!("an interface of {} faces", i.len())),
+        RegionSet::Edges(e) => (PlaceKind::Edges, edges_in_words(e.len(), mesh.dim())),
         RegionSet::Nodes(n) => (PlaceKind::Global, format!("a region of {} nodes", n.len())),
     };
-    let lives = |field: &Field| match &region.set {
+    let lives = |field: &Field| match &support {
         RegionSet::Cells(c) => (c.iter().all(|c| field.lives_in_cell(*c)), false),
         RegionSet::Facets(f) => (f.iter().all(|f| field.lives_on_facet(*f)), false),
         RegionSet::Interface(i) => {
             (i.iter().all(|p| field.lives_on_facet(p.here)), i.iter().all(|p| field.lives_on_facet(p.there)))
         }
+        RegionSet::Edges(e) => (e.iter().all(|e| field.lives_on_facet(e.face)), false),
         RegionSet::Nodes(_) => (false, false),
     };
     let (mut here, mut there): (Vec<bool>, Vec<bool>) = fields.iter().map(lives).unzip();
@@ -315,11 +318,17 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
         kind,
         here,
         there,
-        entities: entity_geometries(mesh, &region.set),
+        entities: entity_geometries(mesh, &support),
         description,
         here_name: region.here_name.clone(),
         inside: region.inside,
     }
+}
+
+/// A rim for messages.
+fn edges_in_words(n: usize, dim: usize) -> String {
+    let (one, many) = if dim < 3 { ("end", "ends") } else { ("edge", "edges") };
+    format!("{n} {} of faces", if n == 1 { one } else { many })
 }
 
 /// The place of terms on `global`.

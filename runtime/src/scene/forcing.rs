@@ -231,6 +231,7 @@ fn points_of(mesh: &Mesh, set: &RegionSet, k: usize) -> Vec<[f64; 3]> {
             let face = pairs[k].here;
             vec![mesh.facet_centroid(face), mesh.node(mesh.facet_vertices(face).vertices()[0])]
         }
+        RegionSet::Edges(edges) => vec![mesh.edge_middle(edges[k]), mesh.node(mesh.edge_ends(edges[k])[0])],
         RegionSet::Nodes(nodes) => vec![mesh.node(nodes[k])],
     }
 }

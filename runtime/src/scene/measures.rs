@@ -82,7 +82,11 @@ impl Builder<'_> {
         if exact || fixed || !self.sampling.is_of(&measure.name.name) {
             return 1;
         }
-        let dim = self.mesh.dim() - usize::from(!matches!(set, RegionSet::Cells(_)));
+        let dim = match set {
+            RegionSet::Cells(_) => self.mesh.dim(),
+            RegionSet::Edges(_) => self.mesh.dim().saturating_sub(2),
+            _ => self.mesh.dim() - 1,
+        };
         parts(dim, set.len(), (degree / 2 + 1).pow(u32::try_from(dim).unwrap_or(3)))
     }
 

@@ -51,6 +51,7 @@ mod reactions;
 mod refined;
 mod regions;
 mod rest;
+mod rims;
 mod rule_choice;
 mod samples;
 mod sampling;
@@ -90,7 +91,7 @@ use crate::{
     value::{Sampled, Value},
 };
 
-pub(crate) use balances::unbalanced;
+pub(crate) use balances::{Ended, unbalanced};
 use batch::Batch;
 pub use between::Between;
 pub use cadence::{Cadence, Every, StepPlace};
@@ -118,6 +119,7 @@ pub use reactions::Measured;
 pub use refined::Refined;
 pub use regions::{NamedRegion, Regions};
 pub use rest::{Sketch, without_auto};
+pub use rims::{OpenRim, RimOfField};
 pub use samples::{SampleAt, Samples, StateAt};
 pub use sampling::{Bodies, NO_SAMPLING, Sampling, parts};
 pub use states::StateUpdate;

@@ -37,7 +37,7 @@ use crate::{
         jumps,
         mappings::{Mappings, Through, fields_there, refused},
         regions::NamedRegion,
-        states::states_read,
+        states::{points_of_entities, states_read},
         terms::{RuleChoice, Rules, domain},
     },
     space::Support,
@@ -137,7 +137,7 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> Made {
 
 impl OutputMaker<'_> {
     fn target(&self, name: &str, set: RegionSet, support: SupportSet) -> Target {
-        let region = NamedRegion { set, span: None, here_name: None, inside: false };
+        let region = NamedRegion { set, edges: None, span: None, here_name: None, inside: false };
         Target { sig: place_sig(name, &region, self.parts.mesh, self.parts.fields), support }
     }
 
@@ -506,8 +506,10 @@ impl OutputMaker<'_> {
         if let Some(mapping) = law.mapping {
             return self.points_through(mapping, law, target, span).map(Some);
         }
-        let state = states_read(self.parts.fields, &law.inputs).next();
-        state.map(|k| self.points_of(k, &target.support, span).ok_or(Told)).transpose()
+        match states_read(self.parts.fields, &law.inputs).next() {
+            Some(state) => self.points_of(state, &target.support, span).ok_or(Told).map(Some),
+            None => Ok(points_of_entities(self.parts, law, &target.support)),
+        }
     }
 
     /// The integration points of the terms on the faces of a piece that have an image.

@@ -15,8 +15,8 @@ use crate::{
     field::FieldSpace,
     frames::Frame,
     mesh::{
-        CellId, CellKind, FacetRef, FileNumbers, InterfaceFacet, MeshPart, NodeId, Part, PlacesInPart, RawMesh,
-        RegionSet,
+        CellId, CellKind, FaceEdge, FacetRef, FileNumbers, InterfaceFacet, MeshPart, NodeId, Part, PlacesInPart,
+        RawMesh, RegionSet,
     },
     output::Hash,
     rates::Rates,
@@ -44,6 +44,7 @@ pub struct ScenePart {
 pub(super) struct PartOfRegion {
     name: String,
     set: RegionSet,
+    edges: Option<Vec<FaceEdge>>,
     here_name: Option<String>,
     inside: bool,
 }
@@ -85,6 +86,7 @@ impl Scene {
         let regions = self.regions.iter().map(|(name, region)| PartOfRegion {
             name: name.clone(),
             set: cut(&region.set, &places),
+            edges: region.edges.as_ref().map(|edges| cut_edges(edges, &places)),
             here_name: region.here_name.clone(),
             inside: region.inside,
         });
@@ -183,17 +185,22 @@ fn cut(set: &RegionSet, places: &PlacesInPart) -> RegionSet {
             };
             RegionSet::Interface(pairs.iter().filter_map(pair).collect())
         }
+        RegionSet::Edges(edges) => RegionSet::Edges(cut_edges(edges, places)),
         RegionSet::Nodes(nodes) => RegionSet::Nodes(nodes.iter().filter_map(|node| places.node(*node)).collect()),
     }
+}
+
+fn cut_edges(edges: &[FaceEdge], places: &PlacesInPart) -> Vec<FaceEdge> {
+    edges.iter().filter_map(|edge| Some(FaceEdge { face: places.facet(edge.face)?, ..*edge })).collect()
 }
 
 impl ScenePart {
     /// The regions by name.
     pub(super) fn regions(regions: Vec<PartOfRegion>, script: &ResolvedScript) -> Regions {
         let span = |name: &str| script.regions.iter().find(|r| r.name.name == name).map(|r| r.span);
-        let named = |PartOfRegion { name, set, here_name, inside }| {
+        let named = |PartOfRegion { name, set, edges, here_name, inside }| {
             let span = span(&name);
-            (name, NamedRegion { set, span, here_name, inside })
+            (name, NamedRegion { set, edges, span, here_name, inside })
         };
         regions.into_iter().map(named).collect()
     }
@@ -230,6 +237,8 @@ impl ScenePart {
         w.list(&self.regions, |w, region| {
             w.text(&region.name);
             set(w, &region.set);
+            w.flag(region.edges.is_some());
+            set(w, &RegionSet::Edges(region.edges.clone().unwrap_or_default()));
             w.flag(region.here_name.is_some());
             w.text(region.here_name.as_deref().unwrap_or_default());
             w.flag(region.inside);
@@ -266,8 +275,11 @@ impl ScenePart {
     fn read(r: &mut Reader<'_>) -> Result<Self, Unreadable> {
         let mesh = read_mesh(r)?;
         let regions = r.list(|r| {
-            let (name, set, has_name, here) = (r.text()?, read_set(r)?, r.flag()?, r.text()?);
-            Ok(PartOfRegion { name, set, here_name: has_name.then_some(here), inside: r.flag()? })
+            let (name, set) = (r.text()?, read_set(r)?);
+            let (has_edges, RegionSet::Edges(edges)) = (r.flag()?, read_set(r)?) else { return Err(Unreadable) };
+            let edges = has_edges.then_some(edges);
+            let (has_name, here) = (r.flag()?, r.text()?);
+            Ok(PartOfRegion { name, set, edges, here_name: has_name.then_some(here), inside: r.flag()? })
         })?;
         let spaces = r.list(|r| if r.flag()? { read_space(r).map(Some) } else { Ok(None) })?;
         let free = r.smalls()?;
@@ -312,6 +324,10 @@ fn set(w: &mut Writer, set: &RegionSet) {
         RegionSet::Interface(pairs) => {
             (2, pairs.iter().flat_map(|p| [words(p.here), words(p.there)]).flatten().collect())
         }
+        RegionSet::Edges(edges) => {
+            let words = |e: &FaceEdge| words(e.face).into_iter().chain([u32::from(e.local)]);
+            (4, edges.iter().flat_map(words).collect())
+        }
         RegionSet::Nodes(nodes) => (3, nodes.iter().map(|node| node.index() as u32).collect()),
     };
     w.count(kind);
@@ -334,6 +350,12 @@ fn read_set(r: &mut Reader<'_>) -> Result<RegionSet, Unreadable> {
         2 => {
             let pair = |[a, b, c, d]: &[u32; 4]| InterfaceFacet { here: facet([*a, *b]), there: facet([*c, *d]) };
             RegionSet::Interface(members.as_chunks().0.iter().map(pair).collect())
+        }
+        4 => {
+            let edge = |[cell, face, local]: &[u32; 3]| {
+                Ok(FaceEdge { face: facet([*cell, *face]), local: u8::try_from(*local).map_err(|_| Unreadable)? })
+            };
+            RegionSet::Edges(members.as_chunks().0.iter().map(edge).collect::<Result<_, _>>()?)
         }
         3 => RegionSet::Nodes(members.into_iter().map(|node| NodeId::new(node as usize)).collect()),
         _ => return Err(Unreadable),

@@ -54,8 +54,9 @@ impl TermMaker<'_> {
         };
         if self.parts.mesh.dim() == 3 && edges::are_in(self.parts.script, &place.name) {
             let d = Diagnostic::new("E431", format!("`load {}` cannot act along `{}`", field.name, place.name));
-            let text = "in space a load on edges would be per length, which is not available";
-            self.diagnostics.push(d.at(place.span, text).help("at single nodes: nodes of SURFACE where ..."));
+            let text = "in space a load on edges is one per length, which a rim takes alone";
+            let help = "rim of SURFACE where ...; at single nodes: nodes of SURFACE where ...";
+            self.diagnostics.push(d.at(place.span, text).help(help));
             return;
         }
         let domain = match self.at_nodes(field, nodes) {

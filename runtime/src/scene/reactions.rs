@@ -137,7 +137,7 @@ impl Builder<'_> {
         let mut nodes = BTreeSet::new();
         for place in &measure.places {
             let own = match self.regions.get(&place.name) {
-                Some(region) => self.fields[field].nodes_in(&self.mesh, &self.topology, &region.set),
+                Some(region) => region.nodes_of(&self.fields[field], &self.mesh, &self.topology),
                 None if place.name == "global" => vec![0],
                 None => return None,
             };

@@ -201,6 +201,7 @@ impl MeshMaker<'_> {
                     add(p.here.cell);
                     add(p.there.cell);
                 }),
+                RegionSet::Edges(edges) => edges.iter().for_each(|edge| add(edge.face.cell)),
                 RegionSet::Nodes(nodes) => {
                     let at = |cell: &CellId| mesh.cell_vertices(*cell).iter().any(|n| nodes.binary_search(n).is_ok());
                     mesh.cells().filter(at).for_each(add);

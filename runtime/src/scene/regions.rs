@@ -9,8 +9,9 @@ use wfl::{
 use wfl_compiler::{Constant, backend::KernelBackend};
 
 use crate::{
+    field::Field,
     mesh::{
-        CellId, FacetRef, InterfaceFacet, Mesh, RegionError, RegionSet, Topology, boundary_of, interface,
+        CellId, FaceEdge, FacetRef, InterfaceFacet, Mesh, RegionError, RegionSet, Topology, boundary_of, interface,
         outer_boundary, pick_cells, pick_facets, pick_nodes,
     },
     scene::{
@@ -30,12 +31,46 @@ const CANDIDATES: usize = 20;
 pub struct NamedRegion {
     /// Its members.
     pub set: RegionSet,
+    /// The edges of faces that end at its nodes, of the rim of a surface: what integrals are taken along.
+    pub edges: Option<Vec<FaceEdge>>,
     /// Its declaration; `None` for `all`, `boundary` and groups of a mesh file.
     pub span: Option<Span>,
     /// The cell region on the owning side of an interface.
     pub here_name: Option<String>,
     /// Faces with a cell on both sides: an `interface along` them exists.
     pub inside: bool,
+}
+
+impl NamedRegion {
+    /// What integrals are taken over: of a rim its edges, else the members.
+    #[must_use]
+    pub fn support(&self) -> RegionSet {
+        self.edges.as_ref().map_or_else(|| self.set.clone(), |edges| RegionSet::Edges(edges.clone()))
+    }
+
+    /// Sorted nodes of a field in it.
+    #[must_use]
+    pub fn nodes_of(&self, field: &Field, mesh: &Mesh, topology: &Topology) -> Vec<u32> {
+        let mut nodes = field.nodes_in(mesh, topology, &self.set);
+        if let Some(edges) = &self.edges {
+            nodes.extend(field.nodes_in(mesh, topology, &RegionSet::Edges(edges.clone())));
+            nodes.sort_unstable();
+            nodes.dedup();
+        }
+        nodes
+    }
+}
+
+/// The members of a region that is made, and the edges of it.
+struct Members {
+    set: RegionSet,
+    edges: Option<Vec<FaceEdge>>,
+}
+
+impl From<RegionSet> for Members {
+    fn from(set: RegionSet) -> Self {
+        Self { set, edges: None }
+    }
 }
 
 /// What a region is picked from.
@@ -68,7 +103,7 @@ pub(super) struct RegionMaker<'a> {
 impl RegionMaker<'_> {
     /// Makes every region of the scene.
     pub(super) fn make(mut self) -> Regions {
-        let plain = |set| NamedRegion { set, span: None, here_name: None, inside: false };
+        let plain = |set| NamedRegion { set, edges: None, span: None, here_name: None, inside: false };
         self.regions.insert("all".to_owned(), plain(RegionSet::Cells(self.mesh.cells().collect())));
         self.regions.insert("boundary".to_owned(), plain(RegionSet::Facets(outer_boundary(self.topology))));
         if names_interior(self.script) {
@@ -88,13 +123,13 @@ impl RegionMaker<'_> {
                 RegionExpr::Picked { of: Some(of), .. } => self.lookup(of).and_then(|r| r.here_name.clone()),
                 _ => None,
             };
-            let Some(set) = self.evaluate(&region.region, region.name.span) else { continue };
+            let Some(Members { set, edges }) = self.evaluate(&region.region, region.name.span) else { continue };
             if set.is_empty() {
                 self.empty(&region.name, &region.region);
                 continue;
             }
             let inside = self.is_inside(&set);
-            let named = NamedRegion { set, span: Some(region.span), here_name, inside };
+            let named = NamedRegion { set, edges, span: Some(region.span), here_name, inside };
             self.regions.insert(region.name.name.clone(), named);
         }
         self.regions
@@ -108,7 +143,8 @@ impl RegionMaker<'_> {
             match RegionSet::from_group(self.mesh, self.topology, group) {
                 Ok(set) => {
                     let inside = self.is_inside(&set);
-                    self.regions.insert(name.clone(), NamedRegion { set, span: None, here_name: None, inside });
+                    let made = NamedRegion { set, edges: None, span: None, here_name: None, inside };
+                    self.regions.insert(name.clone(), made);
                 }
                 Err(e) => self.diagnostics.push(Diagnostic::new("E410", e.to_string()).at(file, "")),
             }
@@ -226,18 +262,22 @@ impl RegionMaker<'_> {
         self.regions.get(&name.name)
     }
 
-    fn evaluate(&mut self, region: &RegionExpr, place: Span) -> Option<RegionSet> {
+    fn evaluate(&mut self, region: &RegionExpr, place: Span) -> Option<Members> {
         match region {
-            RegionExpr::Name(name) => Some(self.lookup(name)?.set.clone()),
+            RegionExpr::Name(name) => {
+                let NamedRegion { set, edges, .. } = self.lookup(name)?.clone();
+                Some(Members { set, edges })
+            }
             RegionExpr::Interface { from, to, span } => {
                 let (a, b) = (self.cells_of(from), self.cells_of(to));
                 let made = interface(self.mesh, self.topology, &a?, &b?);
-                self.checked(made, *span)
+                self.checked(made, *span).map(Members::from)
             }
             RegionExpr::Along { surface, towards, span } => {
                 let set = self.lookup(surface)?.set.clone();
                 let Self { script, mesh, topology, params, ref mut diagnostics, .. } = *self;
-                Along { script, mesh, topology, params, diagnostics }.make(&set, surface, towards.as_ref(), *span)
+                let mut made = Along { script, mesh, topology, params, diagnostics };
+                made.make(&set, surface, towards.as_ref(), *span).map(Members::from)
             }
             RegionExpr::Picked { entity, of, condition, span } => {
                 self.picked(*entity, of.as_ref(), condition.as_ref(), *span)
@@ -246,12 +286,20 @@ impl RegionMaker<'_> {
                 let mut total = self.evaluate(first, place)?;
                 for (op, other) in rest {
                     let other = self.evaluate(other, place)?;
-                    let combined = match op {
-                        RegionOp::Union => total.union(&other),
-                        RegionOp::Minus => total.difference(&other),
-                        RegionOp::Intersect => total.intersection(&other),
+                    let with = |a: &RegionSet, b: &RegionSet| match op {
+                        RegionOp::Union => a.union(b),
+                        RegionOp::Minus => a.difference(b),
+                        RegionOp::Intersect => a.intersection(b),
                     };
-                    total = self.checked(combined, place)?;
+                    let set = self.checked(with(&total.set, &other.set), place)?;
+                    // nodes of no edge leave open which edges are meant
+                    let edges = total.edges.zip(other.edges).and_then(|(a, b)| {
+                        match with(&RegionSet::Edges(a), &RegionSet::Edges(b)) {
+                            Ok(RegionSet::Edges(edges)) => Some(edges),
+                            _ => None,
+                        }
+                    });
+                    total = Members { set, edges };
                 }
                 Some(total)
             }
@@ -274,7 +322,7 @@ impl RegionMaker<'_> {
         }
     }
 
-    fn picked(&mut self, entity: EntityKind, of: Option<&Ident>, cond: Option<&Cond>, span: Span) -> Option<RegionSet> {
+    fn picked(&mut self, entity: EntityKind, of: Option<&Ident>, cond: Option<&Cond>, span: Span) -> Option<Members> {
         let part = match of {
             Some(name) => self.part_of(entity, name)?,
             None => Part::Whole,
@@ -292,12 +340,17 @@ impl RegionMaker<'_> {
             }
             Ok(holds == Some(true))
         };
+        let mut edges = None;
         let Ok(set) = match &part {
             Part::Whole => self.pick(entity, None, &mut picks),
             Part::Cells(cells) => self.pick(entity, Some(cells), &mut picks),
             Part::Faces { faces, .. } if entity == EntityKind::Faces => pick_facets(self.mesh, faces, &mut picks),
             Part::Faces { faces, .. } => match edges::between(self.mesh, entity, faces, span) {
-                Ok(nodes) => edges::pick(self.mesh, nodes, &mut picks),
+                Ok(found) => {
+                    let Ok(picked) = found.pick(self.mesh, &mut picks);
+                    edges = picked.edges;
+                    Ok(RegionSet::Nodes(picked.nodes))
+                }
                 Err(told) => {
                     self.diagnostics.push(*told);
                     return None;
@@ -309,12 +362,14 @@ impl RegionMaker<'_> {
             return None;
         }
         if let (Some(value), Some(cond)) = (&condition, cond) {
-            self.tell_cut(entity, &part, &set, value, cond.span);
+            let taken = edges.as_ref().map_or_else(|| set.clone(), |edges| RegionSet::Edges(edges.clone()));
+            self.tell_cut(entity, &part, &taken, value, cond.span);
         }
-        match part {
-            Part::Faces { of, .. } if entity == EntityKind::Faces => Some(of.intersection(&set).unwrap_or(set)),
-            _ => Some(set),
-        }
+        let set = match part {
+            Part::Faces { of, .. } if entity == EntityKind::Faces => of.intersection(&set).unwrap_or(set),
+            _ => set,
+        };
+        Some(Members { set, edges })
     }
 
     /// W419 for a condition that cuts what it selects; the first of several ranks has the whole mesh, and says it.
@@ -324,6 +379,7 @@ impl RegionMaker<'_> {
         }
         let candidates = match (entity, part) {
             (EntityKind::Faces, Part::Faces { faces, .. }) => RegionSet::Facets(faces.clone()),
+            (EntityKind::Rim, Part::Faces { faces, .. }) => RegionSet::Edges(edges::rim(self.mesh, faces)),
             (EntityKind::Faces, Part::Cells(cells)) => RegionSet::Facets(boundary_of(self.mesh, self.topology, cells)),
             (EntityKind::Faces, Part::Whole) => RegionSet::Facets(outer_boundary(self.topology)),
             (EntityKind::Cells, Part::Cells(cells)) => RegionSet::Cells(cells.clone()),

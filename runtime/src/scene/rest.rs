@@ -75,6 +75,7 @@ impl<'s> Sketch<'s> {
         let description = match kind {
             PlaceKind::Cells => "a region of cells",
             PlaceKind::Interface => "an interface",
+            PlaceKind::Edges => "edges of faces",
             _ => "faces with one side",
         };
         Some(PlaceSig {
@@ -294,6 +295,7 @@ fn kind_of(script: &ResolvedScript, name: &str) -> Option<PlaceKind> {
                     PlaceKind::Facets
                 });
             }
+            Some(RegionExpr::Picked { entity: EntityKind::Rim, .. }) => return Some(PlaceKind::Edges),
             Some(RegionExpr::Picked { .. }) => return None,
             Some(RegionExpr::Interface { .. } | RegionExpr::Along { .. }) | None => return Some(PlaceKind::Interface),
             Some(RegionExpr::Name(n)) if n.name == "all" => return Some(PlaceKind::Cells),

@@ -16,7 +16,7 @@ use wfl_compiler::{
 };
 
 use super::{
-    Builder, RuleChoice,
+    Builder, Parts, RuleChoice,
     fields::{global_place, place_sig, support},
     mappings::{Through, fields_there},
     terms::{self, PlacedLaw, Rules},
@@ -24,8 +24,9 @@ use super::{
 use crate::{
     assemble::Domain,
     field::{Field, FieldSpace},
-    mesh::{Mesh, RegionSet},
+    mesh::{CellKind, Mesh, RegionSet, SupportSet},
     point_space::PointSpace,
+    quadrature::{composite, vertex},
     scene::NamedRegion,
     system::System,
     value::{Sampled, Value},
@@ -147,7 +148,7 @@ impl Builder<'_> {
             _ => None,
         };
         let inside = names.iter().all(|name| self.regions.get(*name).is_some_and(|r| r.inside));
-        let region = NamedRegion { set: set.clone(), span: None, here_name, inside };
+        let region = NamedRegion { set: set.clone(), edges: None, span: None, here_name, inside };
         Some((place_sig(&names.join(", "), &region, &self.mesh, &self.fields), Some(set)))
     }
 
@@ -243,6 +244,25 @@ pub(super) fn states_read<'i>(fields: &'i [Field], inputs: &'i [InputSlot]) -> i
     // the branches of frozen terms are numbered after the fields
     let is_state = |k: &usize| fields.get(*k).is_some_and(|f| f.kind == FieldKind::State && f.is_at_points());
     inputs.iter().filter_map(field).filter(is_state)
+}
+
+/// The degree of the rule that means over an entity are taken with.
+const MEAN_DEGREE: usize = 2;
+
+/// Points inside the entities of a support, for what reads a field that has one value on each of them.
+pub(super) fn points_of_entities(parts: Parts<'_>, law: &ValueLaw, support: &SupportSet) -> Option<Arc<Domain>> {
+    let is_constant = |slot: &InputSlot| match slot {
+        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => {
+            let field = parts.fields.get(b.field.index());
+            field.is_some_and(|f| f.degree() == 0 && matches!(f.space, FieldSpace::Nodal(_)))
+        }
+        _ => false,
+    };
+    if law.mapping.is_some() || !law.inputs.iter().any(is_constant) {
+        return None;
+    }
+    let rule = |kind: CellKind| composite(kind, MEAN_DEGREE, 1).unwrap_or_else(|_| vertex(kind));
+    Domain::new(parts.mesh, &support.region(), &rule).ok().map(Arc::new)
 }
 
 /// States and the places that read them, joined until no two have one in common.

@@ -13,7 +13,7 @@ use wfl_compiler::{
 
 use crate::{
     assemble::Domain,
-    field::Field,
+    field::{Field, FieldSpace},
     mesh::{CellKind, Mesh, RegionKind, RegionSet},
     quadrature::{Rule, beside_axis, composite, nodal, one_per_node, vertex},
     scene::{
@@ -23,6 +23,7 @@ use crate::{
         regions::NamedRegion,
         rule_choice::end_on_axis,
     },
+    space::Support,
 };
 
 /// Where a load is written and what it pulls.
@@ -139,14 +140,31 @@ impl TermMaker<'_> {
             return Some((global_place(self.parts.fields.len()), None));
         }
         let region = self.parts.regions.get(&place.name)?;
-        if let RegionSet::Nodes(_) = region.set {
+        let support = region.support();
+        if let RegionSet::Nodes(_) = support {
             let d =
                 Diagnostic::new("E405", format!("nothing can be integrated over `{}`, a region of nodes", place.name));
-            let d = d.at(place.span, "cells or faces are needed");
+            let d = d.at(place.span, "cells, faces or the rim of faces are needed");
             self.diagnostics.push(d.help("a force at nodes is a load: load u = [0,-1] on the region"));
             return None;
         }
-        Some((place_sig(&place.name, region, self.parts.mesh, self.parts.fields), Some(region.set.clone())))
+        self.has_edges(place)?;
+        let region = self.parts.regions.get(&place.name)?;
+        Some((place_sig(&place.name, region, self.parts.mesh, self.parts.fields), Some(support)))
+    }
+
+    /// E490 for the rim of a surface of which single nodes are taken.
+    fn has_edges(&mut self, place: &Ident) -> Option<()> {
+        let region = self.parts.regions.get(&place.name)?;
+        // a part of the mesh may have none of them
+        if region.edges.as_ref().is_none_or(|edges| !edges.is_empty()) || !self.parts.mesh.is_whole() {
+            return Some(());
+        }
+        let d = Diagnostic::new("E490", format!("no edge lies in `{}`: nothing is integrated over it", place.name));
+        let text = format!("{} single nodes of a rim", region.set.len());
+        let d = d.help("rim of SURFACE where ...: a condition that holds at both ends of its edges and between");
+        self.diagnostics.push(d.at(place.span, text));
+        None
     }
 
     fn load<'s>(
@@ -160,7 +178,12 @@ impl TermMaker<'_> {
         let (origin, load) = numbered;
         let Some(position) = self.parts.fields.iter().position(|f| f.name == target.field.name) else { return };
         let Some(region) = self.parts.regions.get(&place.name) else { return };
-        let set = Some(region.set.clone());
+        // in the plane a rim is its points: a force at a node of a body
+        let plain = self.parts.mesh.dim() < 3 && !lives_on_faces(&self.parts.fields[position]);
+        let set = Some(if plain { region.set.clone() } else { region.support() });
+        if self.has_edges(place).is_none() {
+            return;
+        }
         let Some(Some(of_list)) = list.rest(self.parts.mesh, place, set, self.diagnostics) else { return };
         let field = &self.parts.fields[position];
         let Origin::Load(k, _) = origin else { return };
@@ -179,7 +202,10 @@ impl TermMaker<'_> {
             self.diagnostics.push(d.at(place.span, text));
             return;
         }
-        let named = NamedRegion { set: set.clone(), ..region.clone() };
+        let named = match &set {
+            RegionSet::Edges(edges) => NamedRegion { edges: Some(edges.clone()), ..region.clone() },
+            _ => NamedRegion { set: set.clone(), ..region.clone() },
+        };
         let sig = place_sig(&place.name, &named, self.parts.mesh, self.parts.fields);
         let part = match &target.part {
             TargetPart::Whole => LoadPart::Whole,
@@ -222,6 +248,7 @@ impl<'s> Listed<'s> {
                 let one = match set.kind() {
                     RegionKind::Cells => "cell",
                     RegionKind::Facets | RegionKind::Interface => "face",
+                    RegionKind::Edges => "edge",
                     RegionKind::Nodes => "node",
                 };
                 let many = if shared == 1 { format!("1 {one}") } else { format!("{shared} {one}s") };
@@ -283,6 +310,11 @@ pub(super) fn component(
     None
 }
 
+/// True for a field whose nodes are those of faces.
+fn lives_on_faces(field: &Field) -> bool {
+    matches!(&field.space, FieldSpace::Nodal(space) if matches!(space.support(), Support::Facets(_)))
+}
+
 /// The part of a region where a field lives.
 pub(super) fn restricted(field: &Field, set: &RegionSet) -> RegionSet {
     match set {
@@ -290,6 +322,9 @@ pub(super) fn restricted(field: &Field, set: &RegionSet) -> RegionSet {
         RegionSet::Facets(f) => RegionSet::Facets(f.iter().copied().filter(|f| field.lives_on_facet(*f)).collect()),
         RegionSet::Interface(i) => {
             RegionSet::Interface(i.iter().copied().filter(|p| field.lives_on_facet(p.here)).collect())
+        }
+        RegionSet::Edges(edges) => {
+            RegionSet::Edges(edges.iter().copied().filter(|e| field.lives_on_facet(e.face)).collect())
         }
         RegionSet::Nodes(n) => RegionSet::Nodes(n.clone()),
     }

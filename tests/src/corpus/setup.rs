@@ -321,7 +321,7 @@ impl Setup {
                 (i.iter().all(|p| field.lives_on_facet(p.here)), i.iter().all(|p| field.lives_on_facet(p.there)))
             }
             RegionSet::Facets(f) => (f.iter().all(|f| field.lives_on_facet(*f)), false),
-            RegionSet::Nodes(_) => (false, false),
+            RegionSet::Edges(_) | RegionSet::Nodes(_) => (false, false),
         };
         (self.place.here, self.place.there) = self.fields.iter().map(lives).unzip();
     }

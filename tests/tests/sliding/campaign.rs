@@ -110,7 +110,7 @@ fn examine(found: &Solved, name: &str) {
     }
     // everything turned, at the end of the last step and now: from the reference placement, by a finite angle
     let now = turned(system, u);
-    let past = turned(system, &system.known.previous.as_ref().expect("the past").unknowns);
+    let past = turned(system, &system.past().expect("the past").unknowns);
     let mut values = system.values(&now);
     for field in 0..system.fields.len() {
         if let Some(range) = system.range(field) {

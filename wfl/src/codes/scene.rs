@@ -29,8 +29,8 @@ pub(super) const PAGES: &[CodePage] = &[
     page(
         "E405",
         "a region of the wrong kind",
-        "Terms are integrated over cells or faces, fields are defined on cells or faces, and an interface lies between \
-         two regions of cells, or along faces inside the mesh. A region of nodes can only be fixed and loaded.",
+        "Terms are integrated over cells, faces or the rim of faces, fields are defined on cells or faces, and an interface \
+         lies between two regions of cells, or along faces inside the mesh. A region of nodes can only be fixed and loaded.",
         "region corner = nodes where x == 0 and y == 0\nterm t on corner : u.Test_u",
         "region side = faces where x == 0\nterm t on side : u.Test_u",
     ),
@@ -434,6 +434,16 @@ pub(super) const PAGES: &[CodePage] = &[
          smoothly. The message has the place and what to do; differences of whole runs (`wfl sweep`) do for the rest.",
         "measure share = mean(if Norm(u) > 1 then 1 else 0) on all",
         "measure excess = mean(pos_part(Norm(u) - 1)) on all",
+    ),
+    page(
+        "E490",
+        "a rim without edges",
+        "Terms, loads and integrals on the rim of a surface are taken along its edges. An edge lies in the region where the \
+         condition holds at both of its ends and in its middle; single nodes of a rim can be fixed, and have no length.",
+        "unknown p : scalar on fault\nregion corner = rim of fault where y == 0 and z == 0\n\
+         term flow on fault : Grad_p.Grad_Test_p\nterm out on corner : p*Test_p",
+        "unknown p : scalar on fault\nregion side = rim of fault where y == 0\n\
+         term flow on fault : Grad_p.Grad_Test_p\nterm out on side : p*Test_p",
     ),
     page(
         "E501",

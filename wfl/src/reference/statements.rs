@@ -50,9 +50,11 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "region",
         usage: "`region r = rim/crossings of s [where condition]`",
-        meaning: "nodes where the faces or the interface `s` end (edges with one face; points in the plane) and where they \
-                  meet (edges with three faces or more); `nodes of s` are all nodes of its faces. They can be fixed; in \
-                  space fields of degree 1, and loads are those of single nodes",
+        meaning: "where the faces or the interface `s` end (edges with one face; points in the plane) and where they meet (edges \
+                  with three faces or more); `nodes of s` are all nodes of its faces. Their nodes can be fixed. The rim also has \
+                  edges: terms, loads per length and measures are taken along them (at points in the plane, where a load is a \
+                  number), and `Conormal` is the unit vector along the faces that points out of them. An edge is taken where \
+                  the condition holds at its ends and its middle",
         default: "",
     },
     StatementRow {

@@ -250,9 +250,13 @@ pub(super) fn offer(near: &str, kind: &str, at: Option<Span>, from: Span, source
 }
 
 fn twice(name: &Ident, first: Span) -> Diagnostic {
-    Diagnostic::new("E209", format!("`{}` is declared twice", name.name))
-        .at(name.span, "")
-        .at(first, "first declared here")
+    let d = Diagnostic::new("E209", format!("`{}` is declared twice", name.name));
+    if name.span == first {
+        // the numbers of a balance
+        let text = "a term has the name of a sum of this balance";
+        return d.at(name.span, text).help("another name for the term than `in`, `out` or `lost`");
+    }
+    d.at(name.span, "").at(first, "first declared here")
 }
 
 fn built_in(name: &Ident, what: &str) -> Diagnostic {

@@ -154,7 +154,7 @@ impl<'s> Pass<'s> {
         };
         match word {
             "pi" => Value::number(),
-            "Normal" | "meshdim" => Value::of(Some(Unit::pure())),
+            "Normal" | "Conormal" | "meshdim" => Value::of(Some(Unit::pure())),
             _ if self.scene.time == Some(word) => open(Some(self.time())),
             "timestep" => open(Some(self.time())),
             "X" | "x" | "y" | "z" | "element_size" | "element_K" => open(Some(self.length())),

@@ -155,8 +155,8 @@ impl<'s> Scene<'s> {
         match kind {
             EntityKind::Cells => Some(cell),
             EntityKind::Faces => cell.over(length),
-            EntityKind::Nodes | EntityKind::Rim | EntityKind::Crossings => Some(Unit::pure()),
-            EntityKind::Interior => cell.over(length).and_then(|face| face.over(length)),
+            EntityKind::Nodes | EntityKind::Crossings => Some(Unit::pure()),
+            EntityKind::Rim | EntityKind::Interior => cell.over(length).and_then(|face| face.over(length)),
         }
     }
 

@@ -339,6 +339,13 @@ impl Points<'_> {
                     let component = n[usize::from(*k)];
                     if *side == Side::There { Lanes(component.map(|x| -x)) } else { component }
                 }
+                Input::Geometry(InputSlot::Conormal(k)) => {
+                    let mut conormal = [ZERO; 3];
+                    if let (Some(edge), Some(tangents)) = (&self.group.edge, &self.group.tangents) {
+                        w.here.conormal(D, tangents, edge, &mut conormal);
+                    }
+                    conormal[usize::from(*k)]
+                }
                 Input::Geometry(slot) => self.geometry(D, *slot),
             };
             self.workspace.inputs[(q * n + slot) * LANES..][..LANES].copy_from_slice(&*value);
@@ -361,7 +368,11 @@ impl Points<'_> {
             // entry i + dim * j of K = dx_i/dxi_j; of B = K^-T, so B_ij = inverse_ji
             InputSlot::ElementK(side, e) => of(side).jacobian[usize::from(e) % dim][usize::from(e) / dim],
             InputSlot::ElementB(side, e) => of(side).inverse[usize::from(e) / dim][usize::from(e) % dim],
-            InputSlot::Normal(..) | InputSlot::Field(_) | InputSlot::Previous(_) | InputSlot::History(..) => ZERO,
+            InputSlot::Normal(..)
+            | InputSlot::Conormal(_)
+            | InputSlot::Field(_)
+            | InputSlot::Previous(_)
+            | InputSlot::History(..) => ZERO,
         }
     }
 

@@ -8,7 +8,7 @@ use wfl_compiler::ir::LANES;
 use crate::{
     areas::{NodeAreas, cross},
     assemble::simd::{Lanes, ZERO, load, parts, plus_product, store},
-    domain::{Group, GroupSide},
+    domain::{Edge, Group, GroupSide},
 };
 use wfl_mesh::{element::Table, mesh::Mesh};
 
@@ -160,6 +160,13 @@ impl PointGeometry {
             return;
         };
         let [a, b] = &self.images(dim, &tangents);
+        if let Some(Edge { along: [s, r], .. }) = group.edge {
+            for l in 0..LANES {
+                let speed = || length([0, 1, 2].map(|i| s * a[i][l] + r * b[i][l]));
+                out[l] = if dim < 3 { 1.0 } else { speed() };
+            }
+            return;
+        }
         for l in 0..LANES {
             out[l] = match dim {
                 1 => 1.0,
@@ -218,6 +225,24 @@ impl PointGeometry {
         make_unit(dim, out);
     }
 
+    /// The unit vector along a face that points out of it at an edge: T (T'T)^-1 of its outward normal in the parameters of
+    /// the face, normalised. It is at right angles to the edge and to the normal of the face.
+    pub(super) fn conormal(&self, dim: usize, tangents: &[[f64; 3]; 2], edge: &Edge, out: &mut [Lanes; 3]) {
+        *out = [ZERO; 3];
+        for (part, direction) in edge.outward.iter().zip(&self.duals(dim, tangents)) {
+            for i in 0..dim {
+                add_scaled(&mut out[i], *part, &direction[i]);
+            }
+        }
+        make_unit(dim, out);
+    }
+
+    /// The vectors along a face whose products with the derivatives of the position in its parameters are one and zero.
+    fn duals(&self, dim: usize, tangents: &[[f64; 3]; 2]) -> [[Lanes; 3]; 2] {
+        let images = self.images(dim, tangents);
+        if dim == 3 { dual_of_two(&images) } else { [dual_of_one(&images[0]), [ZERO; 3]] }
+    }
+
     /// Physical gradients of the basis functions at point `q` of a table: derivative `i` of function `k` is written to
     /// `out[i * stride + k]`.
     #[inline(always)]
@@ -261,8 +286,7 @@ impl PointGeometry {
         out: &mut [Lanes],
         stride: usize,
     ) {
-        let images = self.images(dim, tangents);
-        let dual = if dim == 3 { dual_of_two(&images) } else { [dual_of_one(&images[0]), [ZERO; 3]] };
+        let dual = self.duals(dim, tangents);
         let (n, along) = (table.n_dofs, table.dim);
         for k in 0..n {
             let slopes = &table.gradients[(q * n + k) * along..][..along];

@@ -67,6 +67,7 @@ fn one_point(here: GroupSide) -> Group {
         weights: vec![1.0],
         parameters: vec![[0.0; 3]],
         tangents: None,
+        edge: None,
         areas: None,
         reference_normal: [0.0; 3],
         is_global: true,

@@ -5,6 +5,7 @@
 //! Does not know fields or formulations, and never merges, moves or renumbers nodes.
 
 mod check;
+mod edge;
 mod error;
 mod generate;
 mod index;
@@ -24,6 +25,7 @@ mod turn;
 
 pub use crate::cell::{CellKind, FacetMap, LocalFacet, Polynomials, Subdivision, facet_correspondences};
 pub use crate::vector::determinant;
+pub use edge::{FaceEdge, direction, edge_lengths};
 pub use error::{CellName, DUPLICATE_TOLERANCE, MeshError, MeshWarnings, NodeName};
 pub use generate::{BoxShape, MapError, cells_for_size, generate_box, map_nodes, map_refined};
 pub use index::{CellId, EdgeId, FacetId, FacetRef, InterfaceFacet, NodeId};

@@ -6,6 +6,7 @@
 
 use super::{
     Mesh,
+    edge::FaceEdge,
     error::MeshError,
     index::{CellId, FacetRef, InterfaceFacet, NodeId},
     pair::pair_by_geometry,
@@ -22,6 +23,8 @@ pub enum RegionKind {
     Facets,
     /// Facets with two sides.
     Interface,
+    /// Edges of faces.
+    Edges,
     /// Nodes.
     Nodes,
 }
@@ -32,6 +35,7 @@ impl std::fmt::Display for RegionKind {
             RegionKind::Cells => "cells",
             RegionKind::Facets => "faces",
             RegionKind::Interface => "an interface",
+            RegionKind::Edges => "edges",
             RegionKind::Nodes => "nodes",
         })
     }
@@ -99,6 +103,8 @@ pub enum RegionSet {
     Facets(Vec<FacetRef>),
     /// Facets between two regions.
     Interface(Vec<InterfaceFacet>),
+    /// Edges of faces; in the plane their ends.
+    Edges(Vec<FaceEdge>),
     /// Nodes of the mesh.
     Nodes(Vec<NodeId>),
 }
@@ -119,6 +125,7 @@ impl RegionSet {
             RegionSet::Cells(_) => RegionKind::Cells,
             RegionSet::Facets(_) => RegionKind::Facets,
             RegionSet::Interface(_) => RegionKind::Interface,
+            RegionSet::Edges(_) => RegionKind::Edges,
             RegionSet::Nodes(_) => RegionKind::Nodes,
         }
     }
@@ -130,6 +137,7 @@ impl RegionSet {
             RegionSet::Cells(members) => members.len(),
             RegionSet::Facets(members) => members.len(),
             RegionSet::Interface(members) => members.len(),
+            RegionSet::Edges(members) => members.len(),
             RegionSet::Nodes(members) => members.len(),
         }
     }
@@ -165,11 +173,12 @@ impl RegionSet {
     }
 
     fn combine(&self, other: &RegionSet, operation: Operation) -> Result<RegionSet, RegionError> {
-        use RegionSet::{Cells, Facets, Interface, Nodes};
+        use RegionSet::{Cells, Edges, Facets, Interface, Nodes};
         Ok(match (self, other) {
             (Cells(a), Cells(b)) => Cells(merge(a, b, operation)),
             (Facets(a), Facets(b)) => Facets(merge(a, b, operation)),
             (Interface(a), Interface(b)) => Interface(merge(a, b, operation)),
+            (Edges(a), Edges(b)) => Edges(merge(a, b, operation)),
             (Nodes(a), Nodes(b)) => Nodes(merge(a, b, operation)),
             // a part of an interface, picked by faces seen from either side
             (Interface(a), Facets(b)) if !matches!(operation, Operation::Union) => {

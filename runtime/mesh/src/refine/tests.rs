@@ -350,7 +350,7 @@ fn groups_of_cells_faces_and_edges_have_the_parts_of_their_members() {
                 let all = mesh.nodes().iter().filter(|x| x[0] == 0.0 && x[1] == 0.0).count();
                 assert!(nodes.len() > 3 && nodes.len() == all, "{} of {all}", nodes.len());
             }
-            RegionSet::Interface(_) => panic!("a group is no interface"),
+            RegionSet::Interface(_) | RegionSet::Edges(_) => panic!("a group is no interface"),
         }
     }
 }

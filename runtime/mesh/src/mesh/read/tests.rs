@@ -27,7 +27,7 @@ fn measure(mesh: &Mesh, topology: &Topology, name: &str) -> f64 {
         RegionSet::Cells(cells) => cell_volumes(mesh, &cells).iter().sum(),
         RegionSet::Facets(facets) => facet_measures(mesh, &facets).iter().sum(),
         RegionSet::Nodes(nodes) => nodes.len() as f64,
-        RegionSet::Interface(_) => unreachable!(),
+        RegionSet::Interface(_) | RegionSet::Edges(_) => unreachable!(),
     }
 }
 
