@@ -258,7 +258,7 @@ pub fn locate(diagnostic: Diagnostic, origin: Origin, expansions: &Expansions, t
 }
 
 /// The first test function in an expression, with its name.
-fn first_test(e: &Expr) -> Option<(&Expr, &str)> {
+pub(crate) fn first_test(e: &Expr) -> Option<(&Expr, &str)> {
     match &e.kind {
         ExprKind::Name(n) => n.find("Test_").map(|at| (e, &n[at..])),
         ExprKind::Number(_) => None,

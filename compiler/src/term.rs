@@ -8,12 +8,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{
-    Checked, Diagnostic,
+    Checked, Diagnostic, Fix,
     ast::{Expr, ExprKind, MulOp},
 };
 
 use crate::{
-    build::{Builder, Env, locate},
+    build::{Builder, Env, first_test, locate},
     degree::{Degree, degree},
     derive::{NoDerivative, derive},
     emitter::{Emitter, accepted},
@@ -126,13 +126,16 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
         Arity { test: false, trial: false } => {
             let d = Diagnostic::new("E302", "this term has no test function")
                 .help("if it is a potential to be minimised, write `energy` in place of `term`");
+            // a test function that vanishes is a mistake of another kind
+            let is_potential = first_test(text).is_none();
+            let d = if is_potential { d.fix(Fix::FirstWord { from: "term", to: "energy" }) } else { d };
             return b.report(d, text, "no Test_ in it");
         }
         Arity { test: true, trial: false } if residual_allowed => (None, root),
         Arity { test: true, trial: false } => {
             let d =
                 Diagnostic::new("E302", "an energy has no test functions").help("write `term` in place of `energy`");
-            return b.report(d, text, "");
+            return b.report(d.fix(Fix::FirstWord { from: "energy", to: "term" }), text, "");
         }
         _ if matches!(source, TermSource::Any(_)) && b.graph.arity(root).test => {
             return Some((None, None, root));
@@ -149,14 +152,18 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
 /// E103, with the operator that would have made a scalar.
 fn not_scalar<T>(b: &mut Builder<'_>, d: Diagnostic, text: &Expr, shape: Shape) -> Option<T> {
     if let ExprKind::Product(first, rest) = &text.kind
-        && let [(MulOp::Dot, _, second)] = rest.as_slice()
+        && let [(MulOp::Dot, operator, second)] = rest.as_slice()
         && let (Some(x), Some(y)) = (b.expr(first), b.expr(second))
         && b.graph.shape(x) == b.graph.shape(y)
         && shape.rank() == 2
     {
         let s = b.graph.shape(x);
         let d = d.help(format!("`:` contracts both indices: {}:{}", b.text_of(text, first), b.text_of(text, second)));
-        return b.report(d, text, format!("`.` contracts one index of each: {s} . {s} is {shape}"));
+        return b.report(
+            d.replace(*operator, ":"),
+            text,
+            format!("`.` contracts one index of each: {s} . {s} is {shape}"),
+        );
     }
     let d = d.help(if shape.rank() == 2 {
         "`:` contracts both indices of two matrices"
@@ -213,7 +220,12 @@ fn load(b: &mut Builder<'_>, value: &Expr, field: FieldId, part: LoadPart) -> Op
         let d = Diagnostic::new("E108", format!("this load needs a {needed}, found a {found}"));
         let d = match (found.is_scalar_like(), needed.len()) {
             (true, n @ 2..=3) => {
-                d.help(format!("a vector is written with all its components: [{}1]", "0,".repeat(n - 1)))
+                let d = d.help(format!("a vector is written with all its components: [{}1]", "0,".repeat(n - 1)));
+                // no force at all is none in any direction
+                match value.kind {
+                    ExprKind::Number(0.0) => d.replace(value.span, format!("[{}0]", "0,".repeat(n - 1))),
+                    _ => d,
+                }
             }
             _ => d,
         };

@@ -5,7 +5,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::source::{SourceMap, Span};
+use crate::{
+    fix::Fix,
+    source::{SourceMap, Span},
+};
 
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -40,8 +43,12 @@ pub struct Diagnostic {
     pub notes: Vec<String>,
     /// `= help:` lines: what to type instead.
     pub helps: Vec<String>,
+    /// Changes that take it away, where nothing is left to choose.
+    pub fixes: Vec<Fix>,
     /// The name that is called unknown or missing; nothing is said if a broken declaration explains it.
     pub about: Option<String>,
+    /// Where that name is written, without prefixes, if it is.
+    pub word: Option<Span>,
 }
 
 impl Diagnostic {
@@ -50,7 +57,17 @@ impl Diagnostic {
     pub fn new(code: &'static str, message: impl Into<String>) -> Self {
         let severity = if code.starts_with('W') { Severity::Warning } else { Severity::Error };
         let message = message.into();
-        Self { code, severity, message, labels: Vec::new(), notes: Vec::new(), helps: Vec::new(), about: None }
+        Self {
+            code,
+            severity,
+            message,
+            labels: Vec::new(),
+            notes: Vec::new(),
+            helps: Vec::new(),
+            fixes: Vec::new(),
+            about: None,
+            word: None,
+        }
     }
 
     /// Adds a place; the first one added is the primary one.
@@ -96,10 +113,46 @@ impl Diagnostic {
         self
     }
 
+    /// Offers a change that takes it away.
+    #[must_use]
+    pub fn fix(mut self, fix: Fix) -> Self {
+        self.fixes.push(fix);
+        self
+    }
+
+    /// Offers another text at a place; an empty one deletes what stands there.
+    #[must_use]
+    pub fn replace(self, span: Span, text: impl Into<String>) -> Self {
+        self.fix(Fix::Replace { span, text: text.into(), title: None })
+    }
+
+    /// Adds a place where a word is unknown; the one that is near, if there is one, is offered in its place.
+    #[must_use]
+    pub fn did_you_mean(self, word: Span, near: Option<&str>) -> Self {
+        match near {
+            Some(near) => self.at(word, format!("did you mean `{near}`?")).replace(word, near),
+            None => self.at(word, ""),
+        }
+    }
+
+    /// Adds a `= help:` line that is a statement, and offers to add it.
+    #[must_use]
+    pub fn missing(self, statement: impl Into<String>) -> Self {
+        let statement = statement.into();
+        self.help(statement.clone()).fix(Fix::AddStatement(statement))
+    }
+
     /// Says which name is missing.
     #[must_use]
     pub fn about(mut self, name: impl Into<String>) -> Self {
         self.about = Some(name.into());
+        self
+    }
+
+    /// Says where the name of [`about`](Self::about) is written.
+    #[must_use]
+    pub fn word(mut self, at: Span) -> Self {
+        self.word = Some(at);
         self
     }
 

@@ -16,8 +16,8 @@
 
 pub mod ast;
 mod codes;
-mod cure;
 mod diag;
+mod fix;
 mod fmt;
 mod foreign;
 mod idx;
@@ -42,8 +42,8 @@ mod walk;
 mod words;
 
 pub use codes::{CodePage, codes, explain};
-pub use cure::{Cure, cures};
 pub use diag::{Checked, Diagnostic, Label, Severity, nearest, one_per_cause};
+pub use fix::{Edit, Fix, edits};
 pub use fmt::format;
 pub use foreign::{foreign, ufl};
 pub use keywords::{KEYWORDS, STATEMENTS, is_keyword};

@@ -19,6 +19,7 @@ use crate::{
         Cond, Expr, ExprKind, Ident, Item, ItemKind, MeasureAt, OutputItem, Reduction, RegionExpr, Target, TargetPart,
     },
     diag::{Checked, Diagnostic},
+    fix::Fix,
     lost::Lost,
     macros::Expander,
     script::{Balance, Condition, Event, MacroInfo, Measure, OutputQuantity, Region, ResolvedScript},
@@ -410,11 +411,12 @@ impl<'d> Resolver<'d> {
         let has = |f: fn(&ItemKind) -> bool| items.iter().any(|i| f(&i.kind));
         if !has(|k| matches!(k, ItemKind::Mesh { .. })) {
             let d = Diagnostic::new("E421", "the scene has no mesh");
-            self.diagnostics.push(d.help("mesh box [0,0] to [1,1] cells [8,8] quad, or mesh file \"part.msh\""));
+            let d = d.help("mesh box [0,0] to [1,1] cells [8,8] quad, or mesh file \"part.msh\"");
+            self.diagnostics.push(d.fix(Fix::AddStatement("mesh box [0,0] to [1,1] cells [8,8] quad".to_owned())));
         }
         if !has(|k| matches!(k, ItemKind::Term { .. })) {
             let d = Diagnostic::new("E422", "the scene has no term");
-            self.diagnostics.push(d.help("term on all : Grad_u.Grad_Test_u - Test_u"));
+            self.diagnostics.push(d.missing("term on all : Grad_u.Grad_Test_u - Test_u"));
         }
     }
 }

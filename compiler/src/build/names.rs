@@ -3,7 +3,7 @@
 //! What lives on the other side of an interface, and what has no gradient or test function, is told here. Functions
 //! are in `parts.rs` and `ops/`.
 
-use wfl::{Diagnostic, ast::Expr, nearest};
+use wfl::{Diagnostic, Span, ast::Expr, nearest};
 
 use crate::{
     build::Builder,
@@ -42,7 +42,8 @@ impl Builder<'_> {
             "Normal" | "element_size" | "element_K" | "element_B" => return self.geometry(e, name, Side::Here),
             "timestep" => {
                 if self.env.step_variable.is_none() {
-                    let d = Diagnostic::new("E206", "`timestep` needs a `steps` statement").about("steps").help(STEPS);
+                    let d =
+                        Diagnostic::new("E206", "`timestep` needs a `steps` statement").about("steps").missing(STEPS);
                     return self.report(d, e, "");
                 }
                 if self.in_the_past {
@@ -53,7 +54,7 @@ impl Builder<'_> {
             _ if Some(name) == self.env.step_variable => return Some(self.time()),
             "t" => {
                 let d = Diagnostic::new("E206", "`t` exists only if the scene says `steps t = ...`");
-                let d = d.about("steps").help(STEPS);
+                let d = d.about("steps").missing(STEPS);
                 return self.report(d, e, "");
             }
             _ => {}
@@ -84,13 +85,20 @@ impl Builder<'_> {
         let known = known.chain(fixed).chain(env.step_variable).chain(ops::names().map(|n| -> &str { n }));
         let fields: Vec<String> = env.fields.iter().map(|f| format!("`{}`", f.name)).collect();
         let prefixed = FieldWord::split(name).is_some_and(|w| w.has_prefix()) && !fields.is_empty();
+        let d = Diagnostic::new("E201", format!("unknown name `{name}`")).about(root(name));
+        // a word that a macro has put together stands nowhere
+        let is_written = (e.span.end - e.span.start) as usize == name.len();
+        let d = if is_written { d.word(Span { start: e.span.end - root(name).len() as u32, ..e.span }) } else { d };
+        let mut offered = None;
         let text = match nearest(name, known) {
             _ if prefixed => format!("there is no field `{}`; the fields are {}", root(name), fields.join(", ")),
-            Some(k) => format!("did you mean `{k}`?"),
+            Some(k) => {
+                offered = Some(k.to_owned()).filter(|_| is_written);
+                format!("did you mean `{k}`?")
+            }
             None => "not a parameter, field, macro or built-in name".to_owned(),
         };
-        let d = Diagnostic::new("E201", format!("unknown name `{name}`")).about(root(name));
-        self.report(d, e, text)
+        self.report(offered.into_iter().fold(d, |d, near| d.replace(e.span, near)), e, text)
     }
 
     /// The field of that name.
@@ -145,7 +153,7 @@ impl Builder<'_> {
         {
             let d =
                 Diagnostic::new("E206", format!("`{name}` needs a `steps` statement: without steps there is no past"));
-            return self.report(d.about("steps").help(STEPS), e, "");
+            return self.report(d.about("steps").missing(STEPS), e, "");
         }
         let op = match word.op {
             WordOp::Value => FieldOp::Value,

@@ -273,7 +273,14 @@ impl Builder<'_> {
                     "`{u}.{v}` for the scalar product, `{u}@{v}` for the tensor product, `{u}.*{v}` for component by \
                      component"
                 ));
-                self.diagnostics.push(d);
+                let operator = match &e.kind {
+                    ExprKind::Product(_, rest) => rest.iter().find(|r| std::ptr::eq(&raw const r.2, eb)).map(|r| r.1),
+                    _ => None,
+                };
+                self.diagnostics.push(match operator {
+                    Some(operator) if sa == sb => d.replace(operator, "."),
+                    _ => d,
+                });
                 None
             }
             _ => self.bad_pair(

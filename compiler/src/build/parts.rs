@@ -1,7 +1,7 @@
 //! Explicit tensors, calls and components `e(i, :)`. Formulas of functions are in `ops/`.
 
 use wfl::{
-    Diagnostic,
+    Diagnostic, Span,
     ast::{Argument, Expr, ExprKind},
 };
 
@@ -133,7 +133,14 @@ impl Builder<'_> {
                 && !matches!(arg.kind, ExprKind::Number(_))
             {
                 let d = Diagnostic::new("E104", "a number is followed by parentheses, and has no components");
-                return self.report(d.help("a product is written with `*`: a*(b)"), e, "");
+                let behind = match &e.kind {
+                    ExprKind::Call(name, _) if matches!(name.kind, ExprKind::Name(_)) => {
+                        Some(Span { start: name.span.end, ..name.span })
+                    }
+                    _ => None,
+                };
+                let d = d.help("a product is written with `*`: a*(b)");
+                return self.report(behind.into_iter().fold(d, |d, at| d.replace(at, "*")), e, "");
             }
             let index = self.index(&args[0])?;
             if index == Some(1) {

@@ -34,7 +34,7 @@ pub(super) fn divergence(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
 pub(super) fn rate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     if b.env.step_variable.is_none() {
         let d = Diagnostic::new("E206", "`Rate` needs a `steps` statement: without steps there is no past");
-        return b.report(d.about("steps").help("steps t = 0 to 1 by 0.1"), c.expr, "");
+        return b.report(d.about("steps").missing("steps t = 0 to 1 by 0.1"), c.expr, "");
     }
     if b.in_the_past {
         return b.not_in_the_past(c.expr, "Rate");

@@ -507,7 +507,7 @@ pub(super) fn wrong_size(env: &Env<'_>, e: &Expr, found: Shape, entries: usize) 
     }
     let needed = if entries == 1 { "one value is".to_owned() } else { format!("{entries} values are") };
     let d = Diagnostic::new("E108", format!("{needed} needed here, found a {found}"));
-    Some(at_expr(with_zeros(d, found.len(), entries), e, env.expansions, found.to_string()))
+    Some(at_expr(with_zeros(d, e, found.len(), entries), e, env.expansions, found.to_string()))
 }
 
 /// Nodes this near to each other, in sizes of the mesh, stand at one place.

@@ -110,7 +110,8 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, fraction: f64) 
             format!("steps of {longest} are above the stability limit of explicit steps, {:.4e}", limit.step),
         );
         let span = steps.map_or(at, |s| s.by.span);
-        return Err(d.at(span, "").help(format!("by auto, or by {:.2e}", 0.9 * limit.step)).into());
+        let d = d.at(span, "").help(format!("by auto, or by {:.2e}", 0.9 * limit.step));
+        return Err(steps.into_iter().fold(d, |d, s| d.replace(s.by.span, "auto")).into());
     }
     scene.explicit = Some(Arc::new(Explicit { lumped, limit }));
     Ok(())

@@ -66,7 +66,6 @@ pub(super) fn unknown(
     for name in script.groups.iter().filter(|g| !is_region(&g.name)) {
         let declared = script.regions.iter().map(|r| &r.name.name);
         let known = groups.iter().chain(declared).map(String::as_str).chain(["all", "boundary"]);
-        let text = nearest(&name.name, known).map_or(String::new(), |near| format!("did you mean `{near}`?"));
         let mut list: Vec<&str> = groups.iter().map(String::as_str).collect();
         list.sort_unstable();
         let note = match list.len() {
@@ -76,7 +75,8 @@ pub(super) fn unknown(
             }
             _ => format!("the mesh file has the groups {}", list.join(", ")),
         };
-        let d = Diagnostic::new("E201", format!("unknown region `{}`", name.name)).at(name.span, text);
+        let d = Diagnostic::new("E201", format!("unknown region `{}`", name.name));
+        let d = d.did_you_mean(name.span, nearest(&name.name, known));
         diagnostics.push(d.note(note));
     }
 }

@@ -12,9 +12,8 @@ use crate::redistribution::{Unmovable, redistribution};
 pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, region: &Ident) -> Result<(), Box<Diagnostic>> {
     let Some(set) = scene.regions.get(&region.name).map(|r| r.set.clone()) else {
         let d = Diagnostic::new("E452", format!("there is no region `{}`", region.name));
-        let text = nearest(&region.name, scene.regions.keys().map(String::as_str))
-            .map_or(String::new(), |known| format!("did you mean `{known}`?"));
-        return Err(d.at(region.span, text).into());
+        let near = nearest(&region.name, scene.regions.keys().map(String::as_str));
+        return Err(d.did_you_mean(region.span, near).into());
     };
     let (time, increment) = (scene.steps.first(), scene.steps.first_increment());
     let given = |error| Diagnostic::new("E452", format!("the mass cannot be computed: {error}")).at(region.span, "");

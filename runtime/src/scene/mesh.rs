@@ -46,8 +46,11 @@ pub(super) fn read(
         Err(e) => {
             let near =
                 if matches!(e, ReadingError::Input(InputError::NotFound)) { similar(folder, path) } else { None };
-            let text = near.map_or(String::new(), |n| format!("did you mean `{n}`?"));
-            diagnostics.push(unread(&e, "E410", &format!("cannot use the mesh file `{path}`")).at(*span, text));
+            let d = unread(&e, "E410", &format!("cannot use the mesh file `{path}`"));
+            diagnostics.push(match near {
+                Some(near) => d.at(*span, format!("did you mean `{near}`?")).replace(*span, format!("\"{near}\"")),
+                None => d.at(*span, ""),
+            });
             return None;
         }
     };
@@ -406,11 +409,13 @@ fn box_shape(shape: ast::BoxShape) -> BoxShape {
 }
 
 /// The message with a vector of the size that is needed, where a single number is given.
-pub(super) fn with_zeros(d: Diagnostic, found: usize, needed: usize) -> Diagnostic {
+pub(super) fn with_zeros(d: Diagnostic, value: &ast::Expr, found: usize, needed: usize) -> Diagnostic {
     if found != 1 || !(2..=3).contains(&needed) {
         return d;
     }
-    d.help(format!("a vector is written with all its components: [{}]", vec!["0"; needed].join(",")))
+    let zeros = format!("[{}]", vec!["0"; needed].join(","));
+    let d = d.help(format!("a vector is written with all its components: {zeros}"));
+    if matches!(value.kind, ast::ExprKind::Number(0.0)) { d.replace(value.span, zeros) } else { d }
 }
 
 /// Message about a prescribed or nodal value that needs more than [`position_place`] has.

@@ -192,7 +192,8 @@ impl Builder<'_> {
         let (from, to, by) = (a?, b?, c?);
         let Some((count, left)) = whole_steps(from, to, by) else {
             let d = Diagnostic::new("E413", format!("steps from {from} to {to} by {by} do not reach the last value"));
-            let d = if by * (to - from) < 0.0 { d.help(format!("by {}", -by)) } else { d };
+            let back = by * (to - from) < 0.0;
+            let d = if back { d.help(format!("by {}", -by)).replace(steps.by.span, format!("{}", -by)) } else { d };
             self.diagnostics.push(d.at(steps.by.span, ""));
             return None;
         };

@@ -31,7 +31,7 @@ impl Builder<'_> {
             let (found, needed) = (law.shape, self.sigs[k].shape);
             if found.len() != needed.len() {
                 let d = Diagnostic::new("E108", format!("`{name}` is a {needed}, found a {found}"));
-                let d = mesh::with_zeros(d, found.len(), needed.len());
+                let d = mesh::with_zeros(d, &e, found.len(), needed.len());
                 self.diagnostics.push(at_expr(d, &e, self.env.expansions, found.to_string()));
                 continue;
             }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use wfl::{
-    Diagnostic, FieldKind as Declared, ResolvedScript, StartKind,
+    Diagnostic, FieldKind as Declared, Fix, ResolvedScript, StartKind,
     ast::{Expr, ExprKind, Ident, OptionItem},
     at_expr, split_prefixes,
 };
@@ -173,7 +173,9 @@ impl Builder<'_> {
             let d = at_expr(d, e, self.env.expansions, "").help("scheme backward_euler");
             self.diagnostics.push(match self.script.scheme.as_ref() {
                 Some(statement) => d.at(statement.span, "this scheme"),
-                None => d.note("without `scheme`, steps `by auto` are backward differences of several steps"),
+                None => d
+                    .fix(Fix::AddStatement("scheme backward_euler".to_owned()))
+                    .note("without `scheme`, steps `by auto` are backward differences of several steps"),
             });
         }
     }

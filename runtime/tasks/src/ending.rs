@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use wfl::{Diagnostic, Span, ast::Cond};
+use wfl::{Diagnostic, Fix, Span, ast::Cond};
 use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
     AttemptEnd, Episode, FRUITLESS, Outcome, RunError, Scene, Singular, StepResult,
@@ -224,6 +224,9 @@ fn circle(loaded: &Loaded, scene: &Scene, step: &StepResult) -> Option<Diagnosti
         format!("{search}smaller load steps: steps ... by a smaller value")
     };
     let d = d.help(help);
+    let may_search = !search.is_empty() && !is_below(loaded) && loaded.script.solver.is_none();
+    let statement = may_search.then(|| Fix::AddStatement("solver newton with search=auto".to_owned()));
+    let d = statement.into_iter().fold(d, Diagnostic::fix);
     Some(match kink.origin {
         Some(origin) => locate(d, origin, &loaded.script.expansions, text),
         None => d.note(text),

@@ -5,7 +5,7 @@
 
 use std::{fmt::Write as _, path::Path};
 
-use wfl::{Diagnostic, NoFiles, SourceMap, Span, one_per_cause, render, resolve};
+use wfl::{Diagnostic, Edit, NoFiles, SourceMap, edits, one_per_cause, render, resolve};
 use wfl_compiler::InterpreterBackend;
 use wfl_runtime::prepare;
 
@@ -82,9 +82,10 @@ fn each_mistake_gives_one_message_at_its_place_with_a_cure() {
 }
 
 /// A change with its title, as `fixes.txt` has it: `LINE:COLUMN "what stands there" -> "what is meant" | title`.
-fn change(sources: &SourceMap, span: Span, text: &str, title: &str) -> String {
-    let (line, column) = sources.line_column(span);
-    format!("= {line}:{column} {:?} -> {text:?} | {title}", sources.snippet(span))
+fn change(sources: &SourceMap, edit: &Edit) -> String {
+    let Edit { title, span, text } = edit;
+    let (line, column) = sources.line_column(*span);
+    format!("= {line}:{column} {:?} -> {text:?} | {title}", sources.snippet(*span))
 }
 
 #[test]
@@ -92,12 +93,8 @@ fn the_fixes_of_mistakes_are_those_of_the_list() {
     let mut list = String::new();
     for mistake in Mistake::all() {
         let told = Told::of(&mistake.scene());
-        let mut lines = Vec::new();
-        for d in &told.errors {
-            for fix in wfl::cures(d, &told.sources) {
-                lines.push(change(&told.sources, fix.span, &fix.text, &fix.title));
-            }
-        }
+        let of = |d: &Diagnostic| edits(d, &told.sources).iter().map(|e| change(&told.sources, e)).collect::<Vec<_>>();
+        let lines: Vec<String> = told.errors.iter().flat_map(of).collect();
         if !lines.is_empty() {
             let _ = writeln!(list, "{}\n{}\n", mistake.text, lines.join("\n"));
         }
@@ -107,4 +104,24 @@ fn the_fixes_of_mistakes_are_those_of_the_list() {
         std::fs::write(&path, &list).expect("the list can be written");
     }
     assert_eq!(list, std::fs::read_to_string(&path).unwrap_or_default());
+}
+
+#[test]
+fn a_fix_takes_its_message_away() {
+    let mut left = Vec::new();
+    for mistake in Mistake::all() {
+        let scene = mistake.scene();
+        let told = Told::of(&scene);
+        for d in &told.errors {
+            for edit in edits(d, &told.sources) {
+                let mut text = scene.clone();
+                text.replace_range(edit.span.start as usize..edit.span.end as usize, &edit.text);
+                let stays = Told::of(&text).errors.iter().any(|e| e.code == d.code && e.message == d.message);
+                if stays {
+                    left.push(format!("{}\n{}\n", mistake.text, change(&told.sources, &edit)));
+                }
+            }
+        }
+    }
+    assert!(left.is_empty(), "{} fixes leave their message:\n\n{}", left.len(), left.join("\n"));
 }

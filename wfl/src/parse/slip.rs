@@ -1,11 +1,15 @@
 //! What pest says about a failed parse, turned into a message: which slip it is, where, and what to type instead.
 
-use super::{Rule, scan::called, span_at};
+use super::{
+    Rule,
+    scan::{called, to_column_1},
+    span_at,
+};
 use crate::{
     diag::{Diagnostic, nearest},
     foreign::{foreign, form},
     keywords::{STATEMENTS, is_keyword},
-    source::SourceId,
+    source::{SourceId, Span},
 };
 use pest::error::{Error, ErrorVariant, InputLocation};
 
@@ -98,7 +102,24 @@ impl Slip<'_> {
     }
 
     pub(super) fn mark(&self, d: Diagnostic, found: &str, text: impl Into<String>) -> Diagnostic {
-        d.at(span_at(self.id, self.base, self.at, self.at + found.len()), text)
+        d.at(self.here(found.len()), text)
+    }
+
+    /// So many bytes from the slip on.
+    pub(super) fn here(&self, length: usize) -> Span {
+        self.span(self.at, self.at + length)
+    }
+
+    /// A range of the text.
+    pub(super) fn span(&self, start: usize, end: usize) -> Span {
+        span_at(self.id, self.base, start, end)
+    }
+
+    /// From the end of the text before the slip: blanks between are part of it, unless a line ends there.
+    pub(super) fn from_before(&self, length: usize) -> Span {
+        let before = self.before().len();
+        let start = if self.masked[before..self.at].contains('\n') { self.at } else { before };
+        self.span(start, self.at + length)
     }
 
     /// The text before the place of the slip, without trailing space.
@@ -117,21 +138,26 @@ impl Slip<'_> {
     fn equals(&self, found: &str) -> Option<Diagnostic> {
         if found == "=" && self.expects(Rule::infix) {
             let d = Diagnostic::new("E116", "`=` gives a value, `==` compares");
-            return Some(self.mark(d, found, "").help("write `==`"));
+            return Some(self.written(d, found, "=="));
         }
         if found == "==" && self.expects(Rule::t_eq) {
             let d = Diagnostic::new("E116", "`==` compares, `=` gives a value");
-            return Some(self.mark(d, found, "").help("write `=`"));
+            return Some(self.written(d, found, "="));
         }
         if found == ":=" && self.expects(Rule::t_eq) {
             let d = Diagnostic::new("E116", "`:=` stands in `Def` inside a term and in `state`; here it is `=`");
-            return Some(self.mark(d, found, "").help("write `=`"));
+            return Some(self.written(d, found, "="));
         }
         if found == "=" && self.expects(Rule::t_assign) {
             let d = Diagnostic::new("E116", "`Def` inside a term and `state` are written with `:=`");
-            return Some(self.mark(d, found, "").help("write `:=`"));
+            return Some(self.written(d, found, ":="));
         }
         None
+    }
+
+    /// Another sign in place of the one at the slip.
+    fn written(&self, d: Diagnostic, found: &str, sign: &str) -> Diagnostic {
+        self.mark(d, found, "").help(format!("write `{sign}`")).replace(self.here(found.len()), sign)
     }
 
     /// A keyword where an expression or a name has to stand.
@@ -146,7 +172,7 @@ impl Slip<'_> {
         let next = self.masked[self.at + found.len()..].trim_start();
         let used_as_name = next.is_empty() || next.starts_with(|c: char| "+-*/.)],;^='".contains(c));
         if used_as_name && !self.before().ends_with("=") || next.starts_with('=') {
-            return keyword_as_name(found).at(span_at(self.id, self.base, self.at, self.at + found.len()), "");
+            return keyword_as_name(found).at(self.here(found.len()), "");
         }
         let d = Diagnostic::new("E113", format!("expected {}, found the word `{found}`", self.list()));
         self.mark(d, found, format!("something is missing before `{found}`"))
@@ -171,7 +197,7 @@ impl Slip<'_> {
             && let Some(w) = nearest(found, words.iter().copied())
         {
             let d = Diagnostic::new("E113", format!("expected {}, found `{found}`", self.list()));
-            return Some(self.mark(d, found, format!("did you mean `{w}`?")));
+            return Some(d.did_you_mean(self.here(found.len()), Some(w)));
         }
         let left = if value.is_empty() { &before[before.len().saturating_sub(1)..] } else { value };
         if left.is_empty() || !left.is_ascii() {
@@ -182,7 +208,10 @@ impl Slip<'_> {
             [(left, ")", "(...)"), (found, "(", "(...)")].map(|(t, bracket, all)| if t == bracket { all } else { t });
         let product = format!("{a}*{b}");
         let d = self.mark(d, found, "");
-        Some(d.help(format!("a product is written with `*`: {product}")))
+        let d = d.help(format!("a product is written with `*`: {product}"));
+        // a word behind a bracket is rather a unit, or a word of the statement
+        let is_factor = before.ends_with(|c: char| c.is_ascii_alphanumeric() || c == '_' || c == ')');
+        Some(if is_factor { d.replace(self.from_before(0), "*") } else { d })
     }
 
     fn after_the_end(&self, found: &str) -> Diagnostic {
@@ -199,6 +228,7 @@ impl Slip<'_> {
         let d = Diagnostic::new("E117", format!("`{found}` starts a new statement inside another one"));
         self.mark(d, found, "this line is indented, so it continues the statement above")
             .help("a statement starts in column 1")
+            .fix(to_column_1(self.span(self.masked[..self.at].rfind('\n').map_or(0, |k| k + 1), self.at)))
     }
 
     /// True if only space stands before the slip on its line.
@@ -213,6 +243,7 @@ impl Slip<'_> {
         let mut d = d;
         if let (Some(w), Some(label)) = (offered, d.labels.first_mut()) {
             label.text = format!("did you mean `{w}`?");
+            d = d.replace(self.here(found.len()), w);
         } else if found == "," && self.before().ends_with(',') || found == ";" && self.before().ends_with(';') {
             d = d.help("tensors of higher order are nested: [[[1,2],[3,4]],[[5,6],[7,8]]]");
         }

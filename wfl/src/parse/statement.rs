@@ -366,6 +366,7 @@ impl Reader<'_> {
     fn unit(&self, pair: Pair<'_>) -> Parsed<Unit> {
         let span = self.span(&pair);
         let mut factors: Vec<(String, i32)> = Vec::new();
+        let mut places = Vec::new();
         let mut sign = 1;
         for part in self.parts(pair) {
             if part.as_rule() == Rule::unit_op {
@@ -383,9 +384,10 @@ impl Reader<'_> {
             };
             if base.as_rule() == Rule::unit_name {
                 factors.push((base.as_str().to_owned(), sign * i32::from(power)));
+                places.push(self.span(&base));
             }
         }
-        Ok(Unit { factors, span })
+        Ok(Unit { factors, places, span })
     }
 
     fn space(&self, pair: Pair<'_>) -> Parsed<Space> {
@@ -437,9 +439,11 @@ impl Reader<'_> {
         let equation = parts.last().filter(|_| !energy).and_then(|p| habits::equation_in(p));
         self.defs_and_value(parts).map_err(|d| match equation {
             Some((at, sign)) if d.code == "E122" => {
-                let right = self.masked[at + sign..].trim();
+                let code = self.masked.trim_end();
+                let right = code[at + sign..].trim();
+                let side = span_at(self.source, self.base, self.masked[..at].trim_end().len(), code.len());
                 let at = span_at(self.source, self.base, at, at + sign);
-                Box::new(habits::equation_as_term("==", right).at(at, ""))
+                Box::new(habits::equation_as_term("==", right, side).at(at, ""))
             }
             _ => d,
         })

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::{
     ast::{ExprKind, Ident, Item, ItemKind, MacroDef, MeshSource},
     diag::{Diagnostic, nearest},
+    fix::Fix,
     foreign::field_slip,
     script::{Balance, Event, ResolvedScript},
     source::{SourceMap, Span},
@@ -191,11 +192,13 @@ impl Names {
         let phrases = ["cells", "faces", "nodes", "interface"];
         let built_in = REGIONS.iter().copied().filter(|r| *r != "global");
         let known = self.regions.keys().map(String::as_str).chain(built_in).chain(phrases);
-        let text = match nearest(&name.name, known) {
-            None => String::new(),
-            Some(near) => offer(near, "region", self.regions.get(near).copied(), name.span, sources),
+        let d = match nearest(&name.name, known) {
+            None => d.at(name.span, ""),
+            Some(near) => {
+                let text = offer(near, "region", self.regions.get(near).copied(), name.span, sources);
+                d.at(name.span, text).replace(name.span, near)
+            }
         };
-        let d = d.at(name.span, text);
         match self.values.get(&name.name) {
             Some((kind, _)) => d.note(format!("`{}` is {}, not a region", name.name, article(*kind))),
             None => d,
@@ -212,16 +215,16 @@ impl Names {
         let fields = self.values.iter().filter(|(_, v)| v.0.is_field());
         let names: Vec<&str> = fields.map(|(n, _)| n.as_str()).collect();
         if let Some(slip) = field_slip(&name.name, names.iter().copied()) {
-            return d.at(name.span, slip);
+            let d = d.at(name.span, slip.text);
+            return slip.component.into_iter().fold(d, |d, meant| d.replace(name.span, meant));
         }
-        let text = match nearest(&name.name, names) {
-            None => String::new(),
+        match nearest(&name.name, names) {
+            None => d.at(name.span, ""),
             Some(near) => {
                 let (kind, at) = self.values[near];
-                offer(near, kind.word(), Some(at), name.span, sources)
+                d.at(name.span, offer(near, kind.word(), Some(at), name.span, sources)).replace(name.span, near)
             }
-        };
-        d.at(name.span, text)
+        }
     }
 }
 
@@ -303,6 +306,9 @@ pub(super) fn unused(
         .extend(names.regions.iter().filter(|(n, _)| !regions.contains(*n)).map(|(_, s)| (*s, "no statement uses it")));
     found.retain(|(span, _)| span.source == main);
     found.sort_by_key(|(span, _)| span.start);
-    let warning = |(span, text)| Diagnostic::new("W702", "declared but not needed by this scene").at(span, text);
+    let warning = |(span, text)| {
+        let d = Diagnostic::new("W702", "declared but not needed by this scene").at(span, text);
+        d.fix(Fix::DeleteStatement)
+    };
     found.into_iter().map(warning).collect()
 }

@@ -13,8 +13,8 @@ impl Resolver<'_> {
             return Some(());
         }
         let d = Diagnostic::new("E211", format!("`{statement}` does not know `{}`", word.name));
-        let text = nearest(&word.name, words.iter().copied()).map_or(String::new(), |n| format!("did you mean `{n}`?"));
-        self.diagnostics.push(d.at(word.span, text).note(format!("it knows {}", words.join(", "))));
+        let d = d.did_you_mean(word.span, nearest(&word.name, words.iter().copied()));
+        self.diagnostics.push(d.note(format!("it knows {}", words.join(", "))));
         None
     }
 
@@ -97,7 +97,6 @@ fn unknown_option(statement: &str, name: &Ident, known: &[&str]) -> Diagnostic {
     let d = Diagnostic::new("E211", format!("`{statement}` has no option `{}`", name.name));
     let longer = known.iter().copied().find(|k| name.name.starts_with(k) && k.len() > 2);
     let near = longer.or_else(|| nearest(&name.name, known.iter().copied()));
-    let text = near.map_or(String::new(), |n| format!("did you mean `{n}`?"));
     let list = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-    d.at(name.span, text).note(format!("options of `{statement}`: {list}"))
+    d.did_you_mean(name.span, near).note(format!("options of `{statement}`: {list}"))
 }
