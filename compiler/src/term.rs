@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{
-    Checked, Diagnostic, Fix,
+    Checked, Code, Diagnostic, Fix,
     ast::{Expr, ExprKind, MulOp},
 };
 
@@ -108,13 +108,13 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
     let root = b.expr(text)?;
     let shape = b.graph.shape(root);
     if !shape.is_scalar_like() {
-        let d = Diagnostic::new("E103", format!("this term is not a scalar, it is a {shape}"));
+        let d = Diagnostic::new(Code::E103, format!("this term is not a scalar, it is a {shape}"));
         return not_scalar(b, d, text, shape);
     }
     let root = b.graph.to_scalar(root);
     let (energy, residual) = match b.graph.arity(root) {
         Arity { test: false, trial: false } if energy_allowed && b.reads_moving_image(root) => {
-            let d = Diagnostic::new("E111", "an energy cannot read through a mapping that moves")
+            let d = Diagnostic::new(Code::E111, "an energy cannot read through a mapping that moves")
                 .help("write the residual as a `term`: force.(Test_u - Interpolate(Test_u, m))");
             return b.report(d, text, "its tangent would need second variations of the image");
         }
@@ -124,7 +124,7 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
         }
         Arity { test: false, trial: false } if b.graph.is_zero(root) => (None, root),
         Arity { test: false, trial: false } => {
-            let d = Diagnostic::new("E302", "this term has no test function")
+            let d = Diagnostic::new(Code::E302, "this term has no test function")
                 .help("if it is a potential to be minimised, write `energy` in place of `term`");
             // a test function that vanishes is a mistake of another kind
             let is_potential = first_test(text).is_none();
@@ -133,15 +133,16 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
         }
         Arity { test: true, trial: false } if residual_allowed => (None, root),
         Arity { test: true, trial: false } => {
-            let d =
-                Diagnostic::new("E302", "an energy has no test functions").help("write `term` in place of `energy`");
+            let d = Diagnostic::new(Code::E302, "an energy has no test functions")
+                .help("write `term` in place of `energy`");
             return b.report(d.fix(Fix::FirstWord { from: "energy", to: "term" }), text, "");
         }
         _ if matches!(source, TermSource::Any(_)) && b.graph.arity(root).test => {
             return Some((None, None, root));
         }
         _ => {
-            let d = Diagnostic::new("E301", "`Test2_` stands in tangents only; a scene gives residuals and potentials");
+            let d =
+                Diagnostic::new(Code::E301, "`Test2_` stands in tangents only; a scene gives residuals and potentials");
             return b.report(d, text, "");
         }
     };
@@ -204,7 +205,7 @@ fn load(b: &mut Builder<'_>, value: &Expr, field: FieldId, part: LoadPart) -> Op
     let v = b.expr(value)?;
     b.no_tests(value, v, "load")?;
     if b.reads_moving_image(v) {
-        let d = Diagnostic::new("E111", "a load cannot read through a mapping that moves");
+        let d = Diagnostic::new(Code::E111, "a load cannot read through a mapping that moves");
         return b.report(
             d.help("write a `term`: minus the load times the test function"),
             value,
@@ -217,7 +218,7 @@ fn load(b: &mut Builder<'_>, value: &Expr, field: FieldId, part: LoadPart) -> Op
     let needed = if part == LoadPart::Whole { shape } else { Shape::SCALAR };
     let found = b.graph.shape(v);
     if found != needed && !(found.is_scalar_like() && needed.is_scalar_like()) {
-        let d = Diagnostic::new("E108", format!("this load needs a {needed}, found a {found}"));
+        let d = Diagnostic::new(Code::E108, format!("this load needs a {needed}, found a {found}"));
         let d = match (found.is_scalar_like(), needed.len()) {
             (true, n @ 2..=3) => {
                 let d = d.help(format!("a vector is written with all its components: [{}1]", "0,".repeat(n - 1)));
@@ -260,7 +261,7 @@ pub(crate) fn kink_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnostic>
             && let Some(origin) = g.origin(e)
         {
             let d = Diagnostic::new(
-                "W501",
+                Code::W501,
                 "a discontinuity in an unknown has derivative 0: Newton's method does not see it",
             );
             out.push(locate(d, origin, env.expansions, "jumps where its argument changes sign"));

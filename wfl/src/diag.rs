@@ -6,18 +6,10 @@
 use std::collections::BTreeMap;
 
 use crate::{
+    codes::{Code, Severity},
     fix::Fix,
     source::{SourceMap, Span},
 };
-
-/// How bad it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Severity {
-    /// A result follows, but look here.
-    Warning,
-    /// No result.
-    Error,
-}
 
 /// A place with what is to be said about it (may be empty).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,8 +23,8 @@ pub struct Label {
 /// One message: code, sentence, primary place, further places, notes and helps.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// `E203`, `W404`: a key of `codes.rs`.
-    pub code: &'static str,
+    /// `E203`, `W404`: a page of `codes.rs`.
+    pub code: Code,
     /// Error or warning.
     pub severity: Severity,
     /// One line, lower case, no full stop.
@@ -54,13 +46,11 @@ pub struct Diagnostic {
 impl Diagnostic {
     /// An error or warning, by the first letter of `code`.
     #[must_use]
-    pub fn new(code: &'static str, message: impl Into<String>) -> Self {
-        let severity = if code.starts_with('W') { Severity::Warning } else { Severity::Error };
-        let message = message.into();
+    pub fn new(code: Code, message: impl Into<String>) -> Self {
         Self {
             code,
-            severity,
-            message,
+            severity: code.severity(),
+            message: message.into(),
             labels: Vec::new(),
             notes: Vec::new(),
             helps: Vec::new(),
@@ -199,14 +189,14 @@ impl<T> Checked<T> {
 }
 
 /// Codes of messages about one word or sign: the same message at another place has the same cause.
-const OF_A_WORD: &[&str] = &["E107", "E118", "E128", "E201", "E216"];
+const OF_A_WORD: &[Code] = &[Code::E107, Code::E118, Code::E128, Code::E201, Code::E216];
 
 /// The messages with those of one cause made one: the first stays, and names the lines of the others. Of each code a
 /// hundred are told; the second list says how many more there are. Linear in the number of messages.
 #[must_use]
-pub fn one_per_cause(diagnostics: &[Diagnostic], sources: &SourceMap) -> (Vec<Diagnostic>, Vec<(&'static str, usize)>) {
+pub fn one_per_cause(diagnostics: &[Diagnostic], sources: &SourceMap) -> (Vec<Diagnostic>, Vec<(Code, usize)>) {
     let mut kept: Vec<Cause<'_>> = Vec::new();
-    let mut by_code: BTreeMap<&'static str, (Vec<usize>, usize)> = BTreeMap::new();
+    let mut by_code: BTreeMap<Code, (Vec<usize>, usize)> = BTreeMap::new();
     for d in diagnostics {
         let (known, more) = by_code.entry(d.code).or_default();
         let same = known.iter().find(|k| kept[**k].first == d || same_cause(kept[**k].first, d));

@@ -17,6 +17,7 @@
 pub mod ast;
 mod codes;
 mod diag;
+mod edits;
 mod fix;
 mod fmt;
 mod foreign;
@@ -41,9 +42,10 @@ mod units;
 mod walk;
 mod words;
 
-pub use codes::{CodePage, codes, explain};
-pub use diag::{Checked, Diagnostic, Label, Severity, nearest, one_per_cause};
-pub use fix::{Edit, Fix, edits};
+pub use codes::{Code, CodePage, Severity, codes, explain};
+pub use diag::{Checked, Diagnostic, Label, nearest, one_per_cause};
+pub use edits::{Edit, edits};
+pub use fix::Fix;
 pub use fmt::format;
 pub use foreign::{foreign, ufl};
 pub use keywords::{KEYWORDS, STATEMENTS, is_keyword};

@@ -2,7 +2,7 @@
 //! and the word in the statement that selected the region.
 
 use wfl::{
-    Diagnostic, FieldKind, Fix, Label, ResolvedScript, Span,
+    Code, Diagnostic, FieldKind, Fix, Label, ResolvedScript, Span,
     ast::{Ident, Place},
     line_of, nearest,
 };
@@ -12,12 +12,12 @@ pub(super) fn add(script: &ResolvedScript, diagnostics: &mut [Diagnostic]) {
     let mut offers = 0;
     for d in diagnostics {
         match d.code {
-            "E201" if offers < MOST_OFFERS => {
+            Code::E201 if offers < MOST_OFFERS => {
                 offers += 1;
                 offer(script, d);
             }
-            "E202" => home(script, d),
-            "E203" | "E204" => place(script, d),
+            Code::E202 => home(script, d),
+            Code::E203 | Code::E204 => place(script, d),
             _ => {}
         }
     }

@@ -9,7 +9,7 @@ use std::{
 };
 
 use wfl::{
-    Diagnostic, ResolvedScript, Span,
+    Code, Diagnostic, ResolvedScript, Span,
     ast::{EntityKind, RegionExpr},
 };
 
@@ -30,7 +30,7 @@ pub(super) fn between(
         EntityKind::Crossings => |n| n > 2,
         EntityKind::Interior => {
             let d = Diagnostic::new(
-                "E405",
+                Code::E405,
                 "`interior` is that of the mesh: jumps between faces of a surface are not available",
             );
             let text = "a region of edges, of which only `rim` and `crossings` have nodes to be fixed";
@@ -43,7 +43,7 @@ pub(super) fn between(
         edges(mesh, *face).for_each(|edge| *faces_at.entry(edge).or_default() += 1);
     }
     if faces_at.is_empty() {
-        let d = Diagnostic::new("E405", "on a line faces are points: they have no edges");
+        let d = Diagnostic::new(Code::E405, "on a line faces are points: they have no edges");
         return Err(d.at(span, "").help("region ends = nodes where x == 0").into());
     }
     Ok(faces_at.into_iter().filter(|(_, n)| wanted(*n)).flat_map(|(edge, _)| edge).collect())

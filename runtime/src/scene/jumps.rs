@@ -4,7 +4,7 @@
 //! the same from both sides. Faces of a region of which a part only is split give no message: the jump is zero there by
 //! intention, as it is at the front of a crack.
 
-use wfl::{Diagnostic, Span};
+use wfl::{Code, Diagnostic, Span};
 use wfl_compiler::{
     ValueJump,
     ir::Origin,
@@ -43,10 +43,10 @@ pub(super) fn check(
         let Some(field) = jump.fields.iter().find(unknown).or(jump.fields.first()) else { continue };
         let field = &parts.fields[field.index()];
         let message = format!("the jump of `{}` over `{place}` is zero", field.name);
-        match diagnostics.iter_mut().find(|d| d.code == "W417" && d.message == message) {
+        match diagnostics.iter_mut().find(|d| d.code == Code::W417 && d.message == message) {
             Some(told) => add_place(parts, told, origin),
             None => {
-                let d = cured(Diagnostic::new("W417", message), parts, field, place, faces);
+                let d = cured(Diagnostic::new(Code::W417, message), parts, field, place, faces);
                 let text = format!("`{}` has one value on both sides of all {} faces", field.name, faces.len());
                 diagnostics.push(locate(d, origin, parts.env.expansions, text));
             }

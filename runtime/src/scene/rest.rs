@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use wfl::{
-    Diagnostic, FieldKind as Declared, Lost, ResolvedScript, Span, StartKind,
+    Code, Diagnostic, FieldKind as Declared, Lost, ResolvedScript, Span, StartKind,
     ast::{
         Cond, EntityKind, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionValue, Place, QuadratureRule,
         RegionExpr, TargetPart,
@@ -184,7 +184,7 @@ pub(super) fn expects(
     for expect in &script.expects {
         let told = check_condition(&env, &global_place(0), &expect.condition);
         let over_space = |d: Diagnostic| match d.code {
-            "E105" | "E202" if d.helps.is_empty() => {
+            Code::E105 | Code::E202 if d.helps.is_empty() => {
                 d.help("an `expect` compares measures and params: measure m = max(u(1)) on all, then expect m < 1")
             }
             _ => d,

@@ -116,8 +116,13 @@ fn a_fix_takes_its_message_away() {
             for edit in edits(d, &told.sources) {
                 let mut text = scene.clone();
                 text.replace_range(edit.span.start as usize..edit.span.end as usize, &edit.text);
-                let stays = Told::of(&text).errors.iter().any(|e| e.code == d.code && e.message == d.message);
-                if stays {
+                // the same mistake further on is one of its own
+                let mended = Told::of(&text);
+                let place = |e: &Diagnostic, sources: &SourceMap| e.labels.first().map(|l| sources.line_column(l.span));
+                let is_same = |e: &Diagnostic| {
+                    (e.code, &e.message) == (d.code, &d.message) && place(e, &mended.sources) == place(d, &told.sources)
+                };
+                if mended.errors.iter().any(is_same) {
                     left.push(format!("{}\n{}\n", mistake.text, change(&told.sources, &edit)));
                 }
             }

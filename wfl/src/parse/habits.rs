@@ -5,6 +5,7 @@ use super::{
     slip::{CHOICE, Slip},
 };
 use crate::{
+    codes::Code,
     diag::Diagnostic,
     foreign::{foreign, form},
     source::Span,
@@ -15,7 +16,7 @@ use crate::{
 /// E128 for the semicolons behind statements, the first marked: one message for all of a file.
 pub(super) fn semicolons(ended: &[Span]) -> Option<Diagnostic> {
     let first = ended.first()?;
-    let d = Diagnostic::new("E128", "a statement ends without `;`").at(*first, "");
+    let d = Diagnostic::new(Code::E128, "a statement ends without `;`").at(*first, "");
     let d = if ended.len() > 1 { d.note(format!("{} more statements end so", ended.len() - 1)) } else { d };
     Some(d.help("delete it: a statement ends where the next line starts in column 1").replace(*first, ""))
 }
@@ -28,7 +29,7 @@ pub(super) fn equation_in(expr: &Pair<'_>) -> Option<(usize, usize)> {
 
 /// E116 for a term that is written as an equation; `side` is the sign with what stands behind it.
 pub(super) fn equation_as_term(sign: &str, right: &str, side: Span) -> Diagnostic {
-    let d = Diagnostic::new("E116", "a term is a residual: all terms together are zero, so it has no other side");
+    let d = Diagnostic::new(Code::E116, "a term is a residual: all terms together are zero, so it has no other side");
     if right.trim_end_matches(['.', '0']).is_empty() && right.starts_with('0') {
         return d.help(format!("leave `{sign} 0` out")).replace(side, "");
     }
@@ -46,7 +47,7 @@ impl Slip<'_> {
         let behind_value = self.expects(Rule::infix);
         match found {
             _ if self.expects(Rule::k_then) || self.expects(Rule::k_else) => {
-                let d = Diagnostic::new("E113", format!("expected {}, found `{found}`", self.list()));
+                let d = Diagnostic::new(Code::E113, format!("expected {}, found `{found}`", self.list()));
                 Some(self.mark(d, found, "").help(CHOICE))
             }
             "=" if behind_value && self.is("term") => {
@@ -56,12 +57,12 @@ impl Slip<'_> {
             }
             "[" => self.bracket(behind_value),
             "<" if !behind_value && self.expects_operand() => {
-                let d = Diagnostic::new("E113", "`<` stands between two numbers that are compared");
+                let d = Diagnostic::new(Code::E113, "`<` stands between two numbers that are compared");
                 Some(self.mark(d, found, "").help("the scalar product is a.b, of matrices A:B"))
             }
             "," => self.comma(),
             "{" => {
-                let d = Diagnostic::new("E113", "a vector stands in square brackets");
+                let d = Diagnostic::new(Code::E113, "a vector stands in square brackets");
                 let d = self
                     .mark(d, found, "")
                     .help("[1,2] is a vector, [1,2;3,4] a matrix; `{a, b}` is the set of a param");
@@ -70,21 +71,21 @@ impl Slip<'_> {
                 Some(inside.into_iter().fold(d, |d, i| d.replace(self.here(i.len() + 2), format!("[{i}]"))))
             }
             "if" if behind_value && !self.in_list_of_words() => {
-                let d = Diagnostic::new("E113", "a choice begins with its condition");
+                let d = Diagnostic::new(Code::E113, "a choice begins with its condition");
                 Some(self.mark(d, found, "").help("(if condition then a else b), in place of a if condition else b"))
             }
             ")" if self.before().ends_with('(') => {
-                let d = Diagnostic::new("E113", "nothing stands in these parentheses");
+                let d = Diagnostic::new(Code::E113, "nothing stands in these parentheses");
                 let d = self.mark(d, found, "").help("a name without arguments stands without them: pi, not pi()");
                 Some(d.replace(self.span(self.before().len() - 1, self.at + 1), ""))
             }
             "where" | "==" | "<" | ">" | "<=" | ">=" if self.expects(Rule::EOI) && self.takes_regions() => {
-                let d = Diagnostic::new("E117", format!("`{found}` stands after the end of the statement"));
+                let d = Diagnostic::new(Code::E117, format!("`{found}` stands after the end of the statement"));
                 let help = "places are picked by a statement of their own: region part = faces where y > 0.5";
                 Some(self.mark(d, found, "").help(help))
             }
             "on" if self.expects(Rule::EOI) && self.is("start") => {
-                let d = Diagnostic::new("E117", "`start` gives first values wherever the field lives");
+                let d = Diagnostic::new(Code::E117, "`start` gives first values wherever the field lives");
                 let d = self.mark(d, found, "");
                 let d = d.help("leave `on ...` out; a choice: start u = (if x < 0.5 then a else b)");
                 Some(d.replace(self.from_before(self.masked.trim_end().len() - self.at), ""))
@@ -109,7 +110,7 @@ impl Slip<'_> {
 
     /// `fix u.x = 0`.
     fn component_behind_point(&self, found: &str) -> Option<Diagnostic> {
-        let d = Diagnostic::new("E113", format!("expected `Normal`, found `{found}`"));
+        let d = Diagnostic::new(Code::E113, format!("expected `Normal`, found `{found}`"));
         let d = self.mark(d, found, "");
         let by = "a component is taken with its number, the normal one by name";
         match found {
@@ -138,13 +139,13 @@ impl Slip<'_> {
             return Some(self.comma_before(found).help("output vtk \"name\" : u, expression as name"));
         }
         if let Some(here) = foreign(found).filter(|_| ["dx", "ds", "dS", "dA", "dV"].contains(&found)) {
-            let d = Diagnostic::new("E216", format!("`{found}` is not a word of this language"));
+            let d = Diagnostic::new(Code::E216, format!("`{found}` is not a word of this language"));
             return Some(self.mark(d, found, "").help(format!("{found}: {here}")));
         }
         let before = self.before();
         let start = before.rfind(|c: char| !c.is_ascii_alphanumeric() && c != '_').map_or(0, |i| i + 1);
         if is_function(&before[start..]) {
-            let d = Diagnostic::new("E113", format!("`{}` takes its arguments in parentheses", &before[start..]));
+            let d = Diagnostic::new(Code::E113, format!("`{}` takes its arguments in parentheses", &before[start..]));
             let d = self.mark(d, found, "").help(format!("{}({found})", &before[start..]));
             return Some(d.replace(self.from_before(found.len()), format!("({found})")));
         }
@@ -152,7 +153,7 @@ impl Slip<'_> {
         let needed = [(Rule::k_on, "on"), (Rule::k_to, "to"), (Rule::k_by, "by")];
         let follows = |word: &str| self.masked[self.at..].split_whitespace().any(|w| w == word);
         let (_, word) = needed.iter().find(|(rule, word)| self.expects(*rule) && !follows(word))?;
-        let d = Diagnostic::new("E113", format!("expected `{word}`, found `{found}`"));
+        let d = Diagnostic::new(Code::E113, format!("expected `{word}`, found `{found}`"));
         let form = form(self.masked.split_whitespace().next().unwrap_or(""))?;
         let d = self.mark(d, found, format!("`{word}` is missing before this")).help(format!("the form is: {form}"));
         let mended = format!("{}{word} {}", &self.masked[..self.at], &self.masked[self.at..]);
@@ -161,7 +162,7 @@ impl Slip<'_> {
 
     /// E113 for two items of a list side by side.
     fn comma_before(&self, found: &str) -> Diagnostic {
-        let d = Diagnostic::new("E113", format!("a comma is missing before `{found}`"));
+        let d = Diagnostic::new(Code::E113, format!("a comma is missing before `{found}`"));
         self.mark(d, found, "").replace(self.from_before(found.len()), format!(", {found}"))
     }
 
@@ -178,7 +179,7 @@ impl Slip<'_> {
             inside.split(['*', '/', '^', '(', ')']).all(|w| is_unit(w.trim()) || w.trim().parse::<i32>().is_ok());
         let word_before = self.masked[..self.at].ends_with(|c: char| c.is_ascii_alphanumeric() || "_)]'".contains(c));
         if unit && inside.contains(|c: char| c.is_ascii_alphabetic()) {
-            let d = Diagnostic::new("E113", format!("the unit `[{inside}]` cannot stand here"));
+            let d = Diagnostic::new(Code::E113, format!("the unit `[{inside}]` cannot stand here"));
             let form = if self.is("param") {
                 format!("it stands behind the value: param name = 1 [{inside}] in 0..2")
             } else if ["unknown", "multiplier", "data", "state"].iter().any(|s| self.is(s)) {
@@ -191,7 +192,7 @@ impl Slip<'_> {
         if !word_before || !(behind_value || self.expects(Rule::t_open) || self.expects(Rule::component)) {
             return None;
         }
-        let d = Diagnostic::new("E113", "a component is taken with parentheses");
+        let d = Diagnostic::new(Code::E113, "a component is taken with parentheses");
         // more brackets inside are slips of their own
         let closed = rest.find(']').filter(|n| !rest[..*n].contains(['[', '(', '\n']));
         let d = self.mark(d, "[", "");
@@ -232,12 +233,12 @@ impl Slip<'_> {
             let end = close.unwrap_or(self.masked.len());
             let inside: String = self.masked[open + 1..end].split_whitespace().collect();
             if let Some((a, b)) = inside.split_once(',').filter(|_| inside.contains("Test_")) {
-                let d = Diagnostic::new("E113", "the product of a form is no pair in parentheses");
+                let d = Diagnostic::new(Code::E113, "the product of a form is no pair in parentheses");
                 return Some(
                     self.mark(d, ",", "").help(format!("the scalar product is a.b, of matrices A:B: {a}.{b}")),
                 );
             }
-            let d = Diagnostic::new("E113", "a vector stands in square brackets");
+            let d = Diagnostic::new(Code::E113, "a vector stands in square brackets");
             let short = if inside.len() <= 60 { format!("[{inside}]") } else { "[a, b]".to_owned() };
             let d = self.mark(d, ",", "").help(short);
             let written = |close: usize| format!("[{}]", &self.masked[open + 1..close]);
@@ -250,7 +251,7 @@ impl Slip<'_> {
         if left.is_empty() || right.is_empty() || !self.expects(Rule::infix) {
             return None;
         }
-        let d = Diagnostic::new("E120", format!("`{left},{right}` is not a number"));
+        let d = Diagnostic::new(Code::E120, format!("`{left},{right}` is not a number"));
         let start = before.len() - left.len();
         let mark = self.span(start, self.masked.len() - behind.len() + right.len());
         let d = d.at(mark, "");
@@ -312,7 +313,7 @@ impl Slip<'_> {
             return None;
         }
         if found.starts_with(|c: char| c.is_ascii_digit()) {
-            let d = Diagnostic::new("E113", format!("`{left}` and `{found}` stand side by side"));
+            let d = Diagnostic::new(Code::E113, format!("`{left}` and `{found}` stand side by side"));
             let d = self.mark(d, found, "");
             let grouped = format!("digits are not grouped: {left}{found}");
             return Some(d.help(format!("entries of a list are separated by commas: [{left}, {found}]; {grouped}")));
@@ -322,7 +323,7 @@ impl Slip<'_> {
                 .find(|c: char| c.is_whitespace() || c == '"')
                 .map_or(self.masked.len(), |n| self.at + n);
             let unit = &self.masked[self.at..end];
-            let d = Diagnostic::new("E113", format!("a unit stands in brackets: [{unit}]"));
+            let d = Diagnostic::new(Code::E113, format!("a unit stands in brackets: [{unit}]"));
             let d = self.mark(d, found, "").help(format!("{left} [{unit}]"));
             return Some(d.replace(self.from_before(unit.len()), format!(" [{unit}]")));
         }

@@ -7,6 +7,7 @@ use super::{
     is_statement, span_at,
 };
 use crate::{
+    codes::Code,
     diag::{Diagnostic, nearest},
     fix::Fix,
     foreign::{foreign, foreign_statement},
@@ -33,7 +34,7 @@ pub(super) fn check_length(text: &str, id: SourceId) -> Parsed<()> {
     if text.len() <= TEXT_LIMIT {
         return Ok(());
     }
-    let d = Diagnostic::new("E125", format!("this text has {} bytes, {TEXT_LIMIT} are allowed", text.len()));
+    let d = Diagnostic::new(Code::E125, format!("this text has {} bytes, {TEXT_LIMIT} are allowed", text.len()));
     Err(Box::new(d.at(span_at(id, 0, 0, 0), "").help("tables of numbers belong into a file: data k : ... = \"file\"")))
 }
 
@@ -56,7 +57,7 @@ pub(crate) fn cut(text: &str, id: SourceId) -> Parsed<(Vec<Piece>, Vec<Diagnosti
             if !content.is_empty() && !content.starts_with('#') {
                 let from = at + line.len() - content.len();
                 let to = at + line.trim_end().len();
-                let d = Diagnostic::new("E115", "a statement starts in column 1")
+                let d = Diagnostic::new(Code::E115, "a statement starts in column 1")
                     .at(span_at(id, 0, from, to), "this line is indented, but there is no statement to continue")
                     .fix(to_column_1(span_at(id, 0, at, from)));
                 strays.push(d);
@@ -95,7 +96,7 @@ pub(super) fn known_statement(masked: &str, piece: &Piece, id: SourceId, above: 
     let mark = span_at(id, piece.start, 0, shown.len());
     let is_import = word != "from" || line.contains(" import");
     if let Some(here) = foreign_statement(word).filter(|_| is_import) {
-        let d = Diagnostic::new("E115", format!("`{shown_short}` is not a statement"));
+        let d = Diagnostic::new(Code::E115, format!("`{shown_short}` is not a statement"));
         let d = d.at(mark, "").help(here.text);
         let meant = here.word.filter(|meant| is_statement(&format!("{meant}{}", &masked[word.len()..]), id));
         return Err(Box::new(match meant {
@@ -104,14 +105,14 @@ pub(super) fn known_statement(masked: &str, piece: &Piece, id: SourceId, above: 
         }));
     }
     if KEYWORDS.contains(&word) {
-        let d = Diagnostic::new("E115", format!("`{word}` does not start a statement"));
+        let d = Diagnostic::new(Code::E115, format!("`{word}` does not start a statement"));
         return Err(Box::new(continuing(d.at(mark, ""), piece, id, above)));
     }
     if word.is_empty() {
-        let d = Diagnostic::new("E115", "a statement starts with a word");
+        let d = Diagnostic::new(Code::E115, "a statement starts with a word");
         return Err(Box::new(continuing(d.at(mark, ""), piece, id, above)));
     }
-    let d = Diagnostic::new("E115", format!("`{shown_short}` is not a statement"));
+    let d = Diagnostic::new(Code::E115, format!("`{shown_short}` is not a statement"));
     let rest = masked[word.len()..].trim_start();
     let d = match nearest(word, STATEMENTS.iter().copied()) {
         None if rest.starts_with('(') && rest.contains('=') => {
@@ -231,7 +232,7 @@ impl Scanner<'_> {
             }
         }
         let end = self.masked.trim_end().len();
-        let d = Diagnostic::new("E121", "this text has no closing quote");
+        let d = Diagnostic::new(Code::E121, "this text has no closing quote");
         Err(Box::new(d.at(self.span(start, end.max(start + 1)), "a text ends on the line it starts on")))
     }
 
@@ -260,7 +261,7 @@ impl Scanner<'_> {
             }
             let mark = self.span(self.at, self.at + end);
             let text: String = rest[..end].chars().take(40).collect();
-            let d = Diagnostic::new("E120", format!("`{text}` is not a number"));
+            let d = Diagnostic::new(Code::E120, format!("`{text}` is not a number"));
             let d = d.at(mark, "").help(slip.help);
             return Err(Box::new(match slip.meant {
                 Some(meant) if meant.read == end - read => d.replace(mark, meant.number),
@@ -283,7 +284,7 @@ impl Scanner<'_> {
         let Some(end) = line.find('\'') else { return Ok(()) };
         let inner = &line[..end];
         let mark = self.span(self.at, self.at + end + 2);
-        let d = Diagnostic::new("E129", format!("`'{inner}'` is no text and no transposition")).at(mark, "");
+        let d = Diagnostic::new(Code::E129, format!("`'{inner}'` is no text and no transposition")).at(mark, "");
         Err(Box::new(if matches!(inner, "+" | "-") {
             d.help(
                 "on an interface plain names are those of the first side: u; the other side is \
@@ -304,7 +305,7 @@ impl Scanner<'_> {
         if depth <= NESTING_LIMIT {
             return Ok(());
         }
-        let d = Diagnostic::new("E119", format!("nested more than {NESTING_LIMIT} deep"));
+        let d = Diagnostic::new(Code::E119, format!("nested more than {NESTING_LIMIT} deep"));
         Err(Box::new(d.at(self.span(at, at + 1), "").help("give parts of it a name: def part = ...")))
     }
 
@@ -316,12 +317,12 @@ impl Scanner<'_> {
                 Ok(())
             }
             Some((open, at)) => {
-                let d = Diagnostic::new("E114", format!("`{open}` is closed by `{c}`"));
+                let d = Diagnostic::new(Code::E114, format!("`{open}` is closed by `{c}`"));
                 let d = d.at(here, format!("`{}` belongs here", closing(open))).replace(here, closing(open));
                 Err(Box::new(d.at(self.span(at, at + 1), "opened here")))
             }
             None => {
-                let d = Diagnostic::new("E114", format!("`{c}` closes nothing"));
+                let d = Diagnostic::new(Code::E114, format!("`{c}` closes nothing"));
                 Err(Box::new(d.at(here, "no bracket is open here").replace(here, "")))
             }
         }
@@ -331,7 +332,7 @@ impl Scanner<'_> {
         let Some(&(open, at)) = self.open.last() else {
             return Ok(self.masked);
         };
-        let d = Diagnostic::new("E114", format!("`{open}` is never closed"));
+        let d = Diagnostic::new(Code::E114, format!("`{open}` is never closed"));
         let d = d.at(self.span(at, at + 1), format!("`{}` is missing", closing(open)));
         // on several lines it may be missing anywhere
         let code = self.masked.trim_end();
@@ -346,7 +347,7 @@ impl Scanner<'_> {
         if !(c.is_control() && !"\t\r\n".contains(c) || hidden || lone_return) {
             return Ok(());
         }
-        let d = Diagnostic::new("E118", format!("the character {} is not allowed", character_name(c)));
+        let d = Diagnostic::new(Code::E118, format!("the character {} is not allowed", character_name(c)));
         let mark = self.span(self.at, self.at + c.len_utf8());
         let d = d.at(mark, "");
         Err(Box::new(match c {
@@ -384,7 +385,8 @@ impl Scanner<'_> {
             return Ok(());
         }
         if !c.is_ascii() {
-            let d = Diagnostic::new("E118", format!("the character {} is not part of the language", character_name(c)));
+            let d =
+                Diagnostic::new(Code::E118, format!("the character {} is not part of the language", character_name(c)));
             let mark = self.span(self.at, self.at + c.len_utf8());
             let d = d.at(mark, "");
             return Err(Box::new(match ascii_for(c) {
@@ -400,9 +402,9 @@ impl Scanner<'_> {
         let rest = &self.text[self.at..];
         for (slip, help, meant) in FOREIGN_OPERATORS {
             if rest.starts_with(slip) && !(*slip == "!" && rest.starts_with("!=")) {
-                let code = if slip.len() == 1 && "$?\\`%~".contains(slip) { "E118" } else { "E107" };
+                let code = if slip.len() == 1 && "$?\\`%~".contains(slip) { Code::E118 } else { Code::E107 };
                 let message = match code {
-                    "E107" => format!("`{slip}` is not an operator"),
+                    Code::E107 => format!("`{slip}` is not an operator"),
                     _ => format!("the character `{slip}` is not part of the language"),
                 };
                 let mark = self.span(self.at, self.at + slip.len());

@@ -6,6 +6,7 @@ use super::{
     span_at,
 };
 use crate::{
+    codes::Code,
     diag::{Diagnostic, nearest},
     foreign::{foreign, form},
     keywords::{STATEMENTS, is_keyword},
@@ -20,7 +21,7 @@ pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: Source
         InputLocation::Pos(p) | InputLocation::Span((p, _)) => p,
     };
     let ErrorVariant::ParsingError { positives, .. } = &error.variant else {
-        let d = Diagnostic::new("E119", "this statement is too complicated to be read");
+        let d = Diagnostic::new(Code::E119, "this statement is too complicated to be read");
         return d.at(span_at(id, base, 0, 1), "").help("give parts of it a name: def part = ...");
     };
     let at = at + masked[at..].len() - masked[at..].trim_start().len();
@@ -53,7 +54,7 @@ impl Slip<'_> {
 
     /// The form of the statement as help for a message that has none.
     fn with_form(&self, d: Diagnostic) -> Diagnostic {
-        let offers = d.labels.iter().any(|l| l.text.contains("did you mean"));
+        let offers = !d.fixes.is_empty();
         if d.helps.is_empty() && (self.expects(Rule::k_then) || self.expects(Rule::k_else)) {
             return d.help(CHOICE);
         }
@@ -62,7 +63,7 @@ impl Slip<'_> {
         if let Some(here) = foreign(called(value)).filter(|_| d.helps.is_empty() && !offers && word != "measure") {
             return d.help(here);
         }
-        match form(word).filter(|_| self.statement && d.helps.is_empty() && !offers && d.code != "E207") {
+        match form(word).filter(|_| self.statement && d.helps.is_empty() && !offers && d.code != Code::E207) {
             Some(form) => d.help(format!("the form is: {form}")),
             None => d,
         }
@@ -78,7 +79,7 @@ impl Slip<'_> {
             return self.keyword(found);
         }
         if operand && found.starts_with(|c: char| c.is_ascii_digit() || c == '.') && found.len() > 2 {
-            let d = Diagnostic::new("E120", format!("`{found}` is not a number"));
+            let d = Diagnostic::new(Code::E120, format!("`{found}` is not a number"));
             return self.mark(d, found, "");
         }
         if let Some(d) = self.two_operands(found) {
@@ -87,7 +88,7 @@ impl Slip<'_> {
         if self.expects(Rule::EOI) {
             return self.after_the_end(found);
         }
-        let d = Diagnostic::new("E113", format!("expected {}, found `{found}`", self.list()));
+        let d = Diagnostic::new(Code::E113, format!("expected {}, found `{found}`", self.list()));
         self.with_hints(self.mark(d, found, ""), found)
     }
 
@@ -130,26 +131,26 @@ impl Slip<'_> {
     fn too_short(&self) -> Diagnostic {
         let end = self.masked.trim_end().len();
         let last = self.masked[..end].char_indices().next_back().map_or(0, |(i, _)| i);
-        Diagnostic::new("E113", format!("the statement ends too early: expected {}", self.list()))
+        Diagnostic::new(Code::E113, format!("the statement ends too early: expected {}", self.list()))
             .at(span_at(self.id, self.base, last, end), "the statement ends here")
     }
 
     /// `=` where a comparison stands, `==` where a value is given.
     fn equals(&self, found: &str) -> Option<Diagnostic> {
         if found == "=" && self.expects(Rule::infix) {
-            let d = Diagnostic::new("E116", "`=` gives a value, `==` compares");
+            let d = Diagnostic::new(Code::E116, "`=` gives a value, `==` compares");
             return Some(self.written(d, found, "=="));
         }
         if found == "==" && self.expects(Rule::t_eq) {
-            let d = Diagnostic::new("E116", "`==` compares, `=` gives a value");
+            let d = Diagnostic::new(Code::E116, "`==` compares, `=` gives a value");
             return Some(self.written(d, found, "="));
         }
         if found == ":=" && self.expects(Rule::t_eq) {
-            let d = Diagnostic::new("E116", "`:=` stands in `Def` inside a term and in `state`; here it is `=`");
+            let d = Diagnostic::new(Code::E116, "`:=` stands in `Def` inside a term and in `state`; here it is `=`");
             return Some(self.written(d, found, "="));
         }
         if found == "=" && self.expects(Rule::t_assign) {
-            let d = Diagnostic::new("E116", "`Def` inside a term and `state` are written with `:=`");
+            let d = Diagnostic::new(Code::E116, "`Def` inside a term and `state` are written with `:=`");
             return Some(self.written(d, found, ":="));
         }
         None
@@ -166,7 +167,7 @@ impl Slip<'_> {
             return self.indented_statement(found);
         }
         if found == "if" {
-            let d = Diagnostic::new("E113", "`if` inside a larger expression needs parentheses");
+            let d = Diagnostic::new(Code::E113, "`if` inside a larger expression needs parentheses");
             return self.mark(d, found, "").help("(if condition then a else b)");
         }
         let next = self.masked[self.at + found.len()..].trim_start();
@@ -174,7 +175,7 @@ impl Slip<'_> {
         if used_as_name && !self.before().ends_with("=") || next.starts_with('=') {
             return keyword_as_name(found).at(self.here(found.len()), "");
         }
-        let d = Diagnostic::new("E113", format!("expected {}, found the word `{found}`", self.list()));
+        let d = Diagnostic::new(Code::E113, format!("expected {}, found the word `{found}`", self.list()));
         self.mark(d, found, format!("something is missing before `{found}`"))
     }
 
@@ -196,14 +197,14 @@ impl Slip<'_> {
         if found.starts_with(|c: char| c.is_ascii_alphabetic())
             && let Some(w) = nearest(found, words.iter().copied())
         {
-            let d = Diagnostic::new("E113", format!("expected {}, found `{found}`", self.list()));
+            let d = Diagnostic::new(Code::E113, format!("expected {}, found `{found}`", self.list()));
             return Some(d.did_you_mean(self.here(found.len()), Some(w)));
         }
         let left = if value.is_empty() { &before[before.len().saturating_sub(1)..] } else { value };
         if left.is_empty() || !left.is_ascii() {
             return None;
         }
-        let d = Diagnostic::new("E113", format!("an operator is missing between `{left}` and `{found}`"));
+        let d = Diagnostic::new(Code::E113, format!("an operator is missing between `{left}` and `{found}`"));
         let [a, b] =
             [(left, ")", "(...)"), (found, "(", "(...)")].map(|(t, bracket, all)| if t == bracket { all } else { t });
         let product = format!("{a}*{b}");
@@ -218,14 +219,14 @@ impl Slip<'_> {
         if self.starts_line() && STATEMENTS.contains(&found) {
             return self.indented_statement(found);
         }
-        let d = Diagnostic::new("E117", format!("`{found}` stands after the end of the statement"));
+        let d = Diagnostic::new(Code::E117, format!("`{found}` stands after the end of the statement"));
         let list = self.list();
         let d = if list == "the end of the statement" { d } else { d.note(format!("here may follow {list}")) };
         self.with_hints(self.mark(d, found, ""), found)
     }
 
     fn indented_statement(&self, found: &str) -> Diagnostic {
-        let d = Diagnostic::new("E117", format!("`{found}` starts a new statement inside another one"));
+        let d = Diagnostic::new(Code::E117, format!("`{found}` starts a new statement inside another one"));
         self.mark(d, found, "this line is indented, so it continues the statement above")
             .help("a statement starts in column 1")
             .fix(to_column_1(self.span(self.masked[..self.at].rfind('\n').map_or(0, |k| k + 1), self.at)))
@@ -267,7 +268,7 @@ impl Slip<'_> {
 
 /// E207 for a keyword that is used as a name.
 pub(super) fn keyword_as_name(word: &str) -> Diagnostic {
-    Diagnostic::new("E207", format!("`{word}` is a word of the language and cannot be a name"))
+    Diagnostic::new(Code::E207, format!("`{word}` is a word of the language and cannot be a name"))
         .help(format!("choose another name, such as `{word}_`"))
 }
 

@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use super::{Resolver, names::Kind};
 use crate::{
     ast::{Expr, Item, ItemKind, Target},
+    codes::Code,
     diag::Diagnostic,
     fix::Fix,
     foreign::{Meant, field_slip, foreign, meant},
@@ -47,7 +48,7 @@ impl Resolver<'_> {
         let Some((e, word, slip)) = found.iter().find_map(|(e, w)| Some((*e, *w, field_slip(w, fields())?))) else {
             return Some(());
         };
-        let d = Diagnostic::new("E201", format!("unknown name `{word}`")).about(word);
+        let d = Diagnostic::new(Code::E201, format!("unknown name `{word}`")).about(word);
         let d = at_expr(d, e, &self.expander.expansions, slip.text);
         self.diagnostics.push(slip.word.or(slip.component).into_iter().fold(d, |d, meant| d.replace(e.span, meant)));
         None
@@ -70,7 +71,7 @@ impl Resolver<'_> {
             0 => format!("{last} is not a word of this language"),
             _ => format!("{} and {last} are not words of this language", quoted.join(", ")),
         };
-        let mut d = Diagnostic::new("E216", message);
+        let mut d = Diagnostic::new(Code::E216, message);
         for (k, (e, _, _)) in words.iter().enumerate() {
             d = if k == 0 { at_expr(d, e, &self.expander.expansions, "") } else { marked(d, e) };
         }
@@ -102,7 +103,7 @@ impl Resolver<'_> {
             wanted_fields(item, &mut wanted);
         }
         wanted.retain(|(name, _)| !matches!(self.names.values.get(name), Some((kind, _)) if *kind != Kind::Measure));
-        let d = Diagnostic::new("E423", "the scene has no unknown");
+        let d = Diagnostic::new(Code::E423, "the scene has no unknown");
         let d = match wanted.first() {
             Some((name, at)) => d
                 .at(*at, format!("nothing declares `{name}`"))

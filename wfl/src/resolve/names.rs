@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     ast::{ExprKind, Ident, Item, ItemKind, MacroDef, MeshSource},
+    codes::Code,
     diag::{Diagnostic, nearest},
     fix::Fix,
     foreign::field_slip,
@@ -180,7 +181,7 @@ impl Names {
                 && *kind != Kind::Def
             {
                 let message = format!("the local macro `{}` would hide a name of the scene", name.name);
-                let d = Diagnostic::new("E209", message).at(name.span, "");
+                let d = Diagnostic::new(Code::E209, message).at(name.span, "");
                 diagnostics.push(d.at(*first, format!("{} of that name", kind.word())));
             }
         }
@@ -188,7 +189,7 @@ impl Names {
 
     /// E201 for a word that is no region.
     pub(super) fn unknown_region(&self, name: &Ident, sources: &SourceMap) -> Diagnostic {
-        let d = Diagnostic::new("E201", format!("unknown region `{}`", name.name));
+        let d = Diagnostic::new(Code::E201, format!("unknown region `{}`", name.name));
         let phrases = ["cells", "faces", "nodes", "interface"];
         let built_in = REGIONS.iter().copied().filter(|r| *r != "global");
         let known = self.regions.keys().map(String::as_str).chain(built_in).chain(phrases);
@@ -208,10 +209,10 @@ impl Names {
     /// E201 for a word that is no field, or E212 for one that is something else.
     pub(super) fn not_a_field(&self, name: &Ident, needed: &str, sources: &SourceMap) -> Diagnostic {
         if let Some((kind, at)) = self.values.get(&name.name) {
-            let d = Diagnostic::new("E212", format!("`{}` is {}; {needed}", name.name, article(*kind)));
+            let d = Diagnostic::new(Code::E212, format!("`{}` is {}; {needed}", name.name, article(*kind)));
             return d.at(name.span, "").at(*at, "declared here");
         }
-        let d = Diagnostic::new("E201", format!("unknown field `{}`", name.name));
+        let d = Diagnostic::new(Code::E201, format!("unknown field `{}`", name.name));
         let fields = self.values.iter().filter(|(_, v)| v.0.is_field());
         let names: Vec<&str> = fields.map(|(n, _)| n.as_str()).collect();
         if let Some(slip) = field_slip(&name.name, names.iter().copied()) {
@@ -251,13 +252,13 @@ pub(super) fn offer(near: &str, kind: &str, at: Option<Span>, from: Span, source
 }
 
 fn twice(name: &Ident, first: Span) -> Diagnostic {
-    Diagnostic::new("E209", format!("`{}` is declared twice", name.name))
+    Diagnostic::new(Code::E209, format!("`{}` is declared twice", name.name))
         .at(name.span, "")
         .at(first, "first declared here")
 }
 
 fn built_in(name: &Ident, what: &str) -> Diagnostic {
-    Diagnostic::new("E210", format!("`{}` is {what} and cannot be declared", name.name))
+    Diagnostic::new(Code::E210, format!("`{}` is {what} and cannot be declared", name.name))
         .at(name.span, "")
         .help("choose another name")
 }
@@ -307,7 +308,7 @@ pub(super) fn unused(
     found.retain(|(span, _)| span.source == main);
     found.sort_by_key(|(span, _)| span.start);
     let warning = |(span, text)| {
-        let d = Diagnostic::new("W702", "declared but not needed by this scene").at(span, text);
+        let d = Diagnostic::new(Code::W702, "declared but not needed by this scene").at(span, text);
         d.fix(Fix::DeleteStatement)
     };
     found.into_iter().map(warning).collect()

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use crate::{
     ast::Unit as Written,
     ast::{BoxDivision, EntityKind, Expansion, ExpansionId, Expr, ExprKind, MeshSource, MulOp, RegionExpr},
+    codes::Code,
     diag::Diagnostic,
     script::ResolvedScript,
     source::{SourceMap, Span},
@@ -240,7 +241,7 @@ pub(super) fn read(written: &Written, found: &mut Vec<Diagnostic>) -> Option<Uni
     let mut unit = Some(Unit::pure());
     for (k, (name, power)) in written.factors.iter().enumerate() {
         let Some(named) = NamedUnit::find(name) else {
-            let d = Diagnostic::new("E502", format!("unknown unit `{name}`"));
+            let d = Diagnostic::new(Code::E502, format!("unknown unit `{name}`"));
             let near = NamedUnit::nearest(name);
             let d = d.at(written.span, near.as_ref().map_or_else(String::new, |n| format!("did you mean `{n}`?")));
             found.push(match (near, written.places.get(k)) {
