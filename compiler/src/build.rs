@@ -12,7 +12,7 @@ mod parts;
 use std::{collections::BTreeMap, sync::Arc};
 
 use wfl::{
-    Diagnostic, Span, Table,
+    Code, Diagnostic, Span, Table,
     ast::{Argument, Expansions, Expr, ExprKind},
     quote,
 };
@@ -162,8 +162,10 @@ impl<'a> Builder<'a> {
         self.graph.set_origin(before);
         let built = built?;
         if self.graph.depth(built) > DEPTH_LIMIT {
-            let d =
-                Diagnostic::new("E441", format!("more than {DEPTH_LIMIT} operations, each on the result of the last"));
+            let d = Diagnostic::new(
+                Code::E441,
+                format!("more than {DEPTH_LIMIT} operations, each on the result of the last"),
+            );
             return self.report(d, e, "");
         }
         Some(built)
@@ -215,7 +217,7 @@ impl<'a> Builder<'a> {
         if self.graph.arity(value) == Arity::NONE {
             return Some(());
         }
-        let d = Diagnostic::new("E303", "test function inside a nonlinear function");
+        let d = Diagnostic::new(Code::E303, "test function inside a nonlinear function");
         match first_test(e) {
             Some((at, name)) => self.report(d, at, format!("`{function}` makes this term nonlinear in {name}")),
             None => self.report(d, e, format!("`{function}` makes this term nonlinear in the test function")),
@@ -236,7 +238,7 @@ impl<'a> Builder<'a> {
             let scalar = self.graph.to_scalar(b);
             return Some((a, self.graph.fill(scalar, sa)));
         }
-        let d = Diagnostic::new("E108", format!("{what} must be of one shape, found {sa} and {sb}"));
+        let d = Diagnostic::new(Code::E108, format!("{what} must be of one shape, found {sa} and {sb}"));
         self.report(d, e, "")
     }
 }
@@ -258,7 +260,7 @@ pub fn locate(diagnostic: Diagnostic, origin: Origin, expansions: &Expansions, t
 }
 
 /// The first test function in an expression, with its name.
-fn first_test(e: &Expr) -> Option<(&Expr, &str)> {
+pub(crate) fn first_test(e: &Expr) -> Option<(&Expr, &str)> {
     match &e.kind {
         ExprKind::Name(n) => n.find("Test_").map(|at| (e, &n[at..])),
         ExprKind::Number(_) => None,

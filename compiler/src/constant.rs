@@ -1,6 +1,6 @@
 //! Expressions that are numbers before the run, and what is told when a field stands where none can be.
 
-use wfl::{Checked, Diagnostic, ast::Expr};
+use wfl::{Checked, Code, Diagnostic, ast::Expr};
 
 use crate::{
     build::{Constant, Env, locate},
@@ -27,7 +27,7 @@ pub fn constant(env: &Env<'_>, what: &str, expr: &Expr) -> Checked<Constant> {
     let law = compile_value(env, &nowhere, what, expr);
     let known = format!("{what} must be a number known before the run");
     let mut diagnostics: Vec<Diagnostic> =
-        law.diagnostics.into_iter().map(|d| without_fields(d, "E112", &known)).collect();
+        law.diagnostics.into_iter().map(|d| without_fields(d, Code::E112, &known)).collect();
     let value = law.value.and_then(|law| {
         if law.inputs.is_empty() && law.prologue.slots.is_empty() {
             let kernel = law.kernel.kernel();
@@ -36,7 +36,7 @@ pub fn constant(env: &Env<'_>, what: &str, expr: &Expr) -> Checked<Constant> {
             interpret(&law.kernel, &uniforms, &[], &mut Vec::new(), &mut out);
             return Some(Constant { shape: law.shape, values: out, declared: Some(expr.span) });
         }
-        let d = Diagnostic::new("E112", known);
+        let d = Diagnostic::new(Code::E112, known);
         let origin = Origin { span: expr.span, expansion: expr.expansion };
         diagnostics.push(locate(d, origin, env.expansions, "changes with position or time"));
         None
@@ -46,8 +46,8 @@ pub fn constant(env: &Env<'_>, what: &str, expr: &Expr) -> Checked<Constant> {
 
 /// A message about a field where no field can be (E202) in the words of the statement.
 #[must_use]
-pub fn without_fields(d: Diagnostic, code: &'static str, message: &str) -> Diagnostic {
-    if d.code != "E202" {
+pub fn without_fields(d: Diagnostic, code: Code, message: &str) -> Diagnostic {
+    if d.code != Code::E202 {
         return d;
     }
     let field = d.about.clone().unwrap_or_default();

@@ -11,7 +11,7 @@
 
 use std::collections::BTreeSet;
 
-use wfl::{Checked, Diagnostic, ast::Expr};
+use wfl::{Checked, Code, Diagnostic, ast::Expr};
 
 use crate::{
     build::{Builder, Env},
@@ -161,7 +161,7 @@ fn gradient_of(
 
 /// The message about an expression that has no second derivative.
 fn refused(env: &Env<'_>, place: &PlaceSig, text: &Expr, none: &NoDerivative) -> Diagnostic {
-    let d = Diagnostic::new("E111", format!("`{}` has no second derivative here", none.what));
+    let d = Diagnostic::new(Code::E111, format!("`{}` has no second derivative here", none.what));
     Builder::new(env, place).at(d, text, "the derivative of a result in a parameter needs it")
 }
 

@@ -1,6 +1,6 @@
 //! Which expressions cannot be negative, as far as their form shows it, and the warning that rests on it (W502).
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 
 use crate::{
     build::{Env, locate},
@@ -16,7 +16,7 @@ pub(crate) fn radius_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnosti
     let Some(residual) = listing.residual else { return Vec::new() };
     let mut out: Vec<Diagnostic> = Vec::new();
     for origin in &g.negative_radii {
-        let d = Diagnostic::new("W612", "the radius of this projection is negative at every point");
+        let d = Diagnostic::new(Code::W612, "the radius of this projection is negative at every point");
         let d = locate(d, *origin, env.expansions, "the projection gives 0 whatever its argument is");
         out.push(d.help("a bound is at least 0: look at the signs of its factors"));
     }
@@ -26,7 +26,7 @@ pub(crate) fn radius_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnosti
             && !never_negative(g, radius)
             && let Some(origin) = g.origin(radius)
         {
-            let d = Diagnostic::new("W502", "the radius may be negative");
+            let d = Diagnostic::new(Code::W502, "the radius may be negative");
             let d = locate(d, origin, env.expansions, "it changes sign with the unknowns; a negative radius gives 0");
             let d = d.help(format!("pos_part({})", wfl::quote(origin.span)));
             if !out.contains(&d) {

@@ -8,12 +8,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{
-    Checked, Diagnostic,
+    Checked, Code, Diagnostic, Fix,
     ast::{Expr, ExprKind, MulOp},
 };
 
 use crate::{
-    build::{Builder, Env, locate},
+    build::{Builder, Env, first_test, locate},
     degree::{Degree, degree},
     derive::{NoDerivative, derive},
     emitter::{Emitter, accepted},
@@ -108,13 +108,13 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
     let root = b.expr(text)?;
     let shape = b.graph.shape(root);
     if !shape.is_scalar_like() {
-        let d = Diagnostic::new("E103", format!("this term is not a scalar, it is a {shape}"));
+        let d = Diagnostic::new(Code::E103, format!("this term is not a scalar, it is a {shape}"));
         return not_scalar(b, d, text, shape);
     }
     let root = b.graph.to_scalar(root);
     let (energy, residual) = match b.graph.arity(root) {
         Arity { test: false, trial: false } if energy_allowed && b.reads_moving_image(root) => {
-            let d = Diagnostic::new("E111", "an energy cannot read through a mapping that moves")
+            let d = Diagnostic::new(Code::E111, "an energy cannot read through a mapping that moves")
                 .help("write the residual as a `term`: force.(Test_u - Interpolate(Test_u, m))");
             return b.report(d, text, "its tangent would need second variations of the image");
         }
@@ -124,21 +124,25 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
         }
         Arity { test: false, trial: false } if b.graph.is_zero(root) => (None, root),
         Arity { test: false, trial: false } => {
-            let d = Diagnostic::new("E302", "this term has no test function")
+            let d = Diagnostic::new(Code::E302, "this term has no test function")
                 .help("if it is a potential to be minimised, write `energy` in place of `term`");
+            // a test function that vanishes is a mistake of another kind
+            let is_potential = first_test(text).is_none();
+            let d = if is_potential { d.fix(Fix::FirstWord { from: "term", to: "energy" }) } else { d };
             return b.report(d, text, "no Test_ in it");
         }
         Arity { test: true, trial: false } if residual_allowed => (None, root),
         Arity { test: true, trial: false } => {
-            let d =
-                Diagnostic::new("E302", "an energy has no test functions").help("write `term` in place of `energy`");
-            return b.report(d, text, "");
+            let d = Diagnostic::new(Code::E302, "an energy has no test functions")
+                .help("write `term` in place of `energy`");
+            return b.report(d.fix(Fix::FirstWord { from: "energy", to: "term" }), text, "");
         }
         _ if matches!(source, TermSource::Any(_)) && b.graph.arity(root).test => {
             return Some((None, None, root));
         }
         _ => {
-            let d = Diagnostic::new("E301", "`Test2_` stands in tangents only; a scene gives residuals and potentials");
+            let d =
+                Diagnostic::new(Code::E301, "`Test2_` stands in tangents only; a scene gives residuals and potentials");
             return b.report(d, text, "");
         }
     };
@@ -149,14 +153,18 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
 /// E103, with the operator that would have made a scalar.
 fn not_scalar<T>(b: &mut Builder<'_>, d: Diagnostic, text: &Expr, shape: Shape) -> Option<T> {
     if let ExprKind::Product(first, rest) = &text.kind
-        && let [(MulOp::Dot, _, second)] = rest.as_slice()
+        && let [(MulOp::Dot, operator, second)] = rest.as_slice()
         && let (Some(x), Some(y)) = (b.expr(first), b.expr(second))
         && b.graph.shape(x) == b.graph.shape(y)
         && shape.rank() == 2
     {
         let s = b.graph.shape(x);
         let d = d.help(format!("`:` contracts both indices: {}:{}", b.text_of(text, first), b.text_of(text, second)));
-        return b.report(d, text, format!("`.` contracts one index of each: {s} . {s} is {shape}"));
+        return b.report(
+            d.replace(*operator, ":"),
+            text,
+            format!("`.` contracts one index of each: {s} . {s} is {shape}"),
+        );
     }
     let d = d.help(if shape.rank() == 2 {
         "`:` contracts both indices of two matrices"
@@ -197,7 +205,7 @@ fn load(b: &mut Builder<'_>, value: &Expr, field: FieldId, part: LoadPart) -> Op
     let v = b.expr(value)?;
     b.no_tests(value, v, "load")?;
     if b.reads_moving_image(v) {
-        let d = Diagnostic::new("E111", "a load cannot read through a mapping that moves");
+        let d = Diagnostic::new(Code::E111, "a load cannot read through a mapping that moves");
         return b.report(
             d.help("write a `term`: minus the load times the test function"),
             value,
@@ -210,10 +218,15 @@ fn load(b: &mut Builder<'_>, value: &Expr, field: FieldId, part: LoadPart) -> Op
     let needed = if part == LoadPart::Whole { shape } else { Shape::SCALAR };
     let found = b.graph.shape(v);
     if found != needed && !(found.is_scalar_like() && needed.is_scalar_like()) {
-        let d = Diagnostic::new("E108", format!("this load needs a {needed}, found a {found}"));
+        let d = Diagnostic::new(Code::E108, format!("this load needs a {needed}, found a {found}"));
         let d = match (found.is_scalar_like(), needed.len()) {
             (true, n @ 2..=3) => {
-                d.help(format!("a vector is written with all its components: [{}1]", "0,".repeat(n - 1)))
+                let d = d.help(format!("a vector is written with all its components: [{}1]", "0,".repeat(n - 1)));
+                // no force at all is none in any direction
+                match value.kind {
+                    ExprKind::Number(0.0) => d.replace(value.span, format!("[{}0]", "0,".repeat(n - 1))),
+                    _ => d,
+                }
             }
             _ => d,
         };
@@ -248,7 +261,7 @@ pub(crate) fn kink_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnostic>
             && let Some(origin) = g.origin(e)
         {
             let d = Diagnostic::new(
-                "W501",
+                Code::W501,
                 "a discontinuity in an unknown has derivative 0: Newton's method does not see it",
             );
             out.push(locate(d, origin, env.expansions, "jumps where its argument changes sign"));

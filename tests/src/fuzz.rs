@@ -459,7 +459,7 @@ pub fn run_expression(text: &str, choice: usize) {
 
 fn show(diagnostics: &[Diagnostic], sources: &SourceMap) {
     for d in diagnostics {
-        assert!(wfl::explain(d.code).is_some(), "{} has no page", d.code);
-        assert!(render(d, sources, false).contains(d.code), "{d:?}");
+        assert!(wfl::explain(d.code.as_str()).is_some(), "{} has no page", d.code);
+        assert!(render(d, sources, false).contains(d.code.as_str()), "{d:?}");
     }
 }

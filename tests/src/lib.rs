@@ -241,7 +241,7 @@ pub fn refused(text: &str) -> String {
 /// What a run gives cause to doubt: codes, and all that is said in a line.
 #[must_use]
 pub fn doubts(outcome: &Outcome) -> Vec<(&'static str, String)> {
-    outcome.warnings.iter().map(|d| (d.code, d.line())).collect()
+    outcome.warnings.iter().map(|d| (d.code.as_str(), d.line())).collect()
 }
 
 /// Tries to solve a scene of `folder` from its text.

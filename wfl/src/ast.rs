@@ -186,6 +186,8 @@ pub enum Place {
 pub struct Unit {
     /// Unit names with their powers; `1` has no entry.
     pub factors: Vec<(String, i32)>,
+    /// Where each name is written; nothing for a unit in the file of a table.
+    pub places: Vec<Span>,
     /// The brackets and what is in them.
     pub span: Span,
 }

@@ -5,16 +5,11 @@
 
 use std::collections::BTreeMap;
 
-use crate::source::{SourceMap, Span};
-
-/// How bad it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Severity {
-    /// A result follows, but look here.
-    Warning,
-    /// No result.
-    Error,
-}
+use crate::{
+    codes::{Code, Severity},
+    fix::Fix,
+    source::{SourceMap, Span},
+};
 
 /// A place with what is to be said about it (may be empty).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,8 +23,8 @@ pub struct Label {
 /// One message: code, sentence, primary place, further places, notes and helps.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// `E203`, `W404`: a key of `codes.rs`.
-    pub code: &'static str,
+    /// `E203`, `W404`: a page of `codes.rs`.
+    pub code: Code,
     /// Error or warning.
     pub severity: Severity,
     /// One line, lower case, no full stop.
@@ -40,17 +35,29 @@ pub struct Diagnostic {
     pub notes: Vec<String>,
     /// `= help:` lines: what to type instead.
     pub helps: Vec<String>,
+    /// Changes that take it away, where nothing is left to choose.
+    pub fixes: Vec<Fix>,
     /// The name that is called unknown or missing; nothing is said if a broken declaration explains it.
     pub about: Option<String>,
+    /// Where that name is written, without prefixes, if it is.
+    pub word: Option<Span>,
 }
 
 impl Diagnostic {
     /// An error or warning, by the first letter of `code`.
     #[must_use]
-    pub fn new(code: &'static str, message: impl Into<String>) -> Self {
-        let severity = if code.starts_with('W') { Severity::Warning } else { Severity::Error };
-        let message = message.into();
-        Self { code, severity, message, labels: Vec::new(), notes: Vec::new(), helps: Vec::new(), about: None }
+    pub fn new(code: Code, message: impl Into<String>) -> Self {
+        Self {
+            code,
+            severity: code.severity(),
+            message: message.into(),
+            labels: Vec::new(),
+            notes: Vec::new(),
+            helps: Vec::new(),
+            fixes: Vec::new(),
+            about: None,
+            word: None,
+        }
     }
 
     /// Adds a place; the first one added is the primary one.
@@ -96,10 +103,46 @@ impl Diagnostic {
         self
     }
 
+    /// Offers a change that takes it away.
+    #[must_use]
+    pub fn fix(mut self, fix: Fix) -> Self {
+        self.fixes.push(fix);
+        self
+    }
+
+    /// Offers another text at a place; an empty one deletes what stands there.
+    #[must_use]
+    pub fn replace(self, span: Span, text: impl Into<String>) -> Self {
+        self.fix(Fix::Replace { span, text: text.into(), title: None })
+    }
+
+    /// Adds a place where a word is unknown; the one that is near, if there is one, is offered in its place.
+    #[must_use]
+    pub fn did_you_mean(self, word: Span, near: Option<&str>) -> Self {
+        match near {
+            Some(near) => self.at(word, format!("did you mean `{near}`?")).replace(word, near),
+            None => self.at(word, ""),
+        }
+    }
+
+    /// Adds a `= help:` line that is a statement, and offers to add it.
+    #[must_use]
+    pub fn missing(self, statement: impl Into<String>) -> Self {
+        let statement = statement.into();
+        self.help(statement.clone()).fix(Fix::AddStatement(statement))
+    }
+
     /// Says which name is missing.
     #[must_use]
     pub fn about(mut self, name: impl Into<String>) -> Self {
         self.about = Some(name.into());
+        self
+    }
+
+    /// Says where the name of [`about`](Self::about) is written.
+    #[must_use]
+    pub fn word(mut self, at: Span) -> Self {
+        self.word = Some(at);
         self
     }
 
@@ -146,14 +189,14 @@ impl<T> Checked<T> {
 }
 
 /// Codes of messages about one word or sign: the same message at another place has the same cause.
-const OF_A_WORD: &[&str] = &["E107", "E118", "E128", "E201", "E216"];
+const OF_A_WORD: &[Code] = &[Code::E107, Code::E118, Code::E128, Code::E201, Code::E216];
 
 /// The messages with those of one cause made one: the first stays, and names the lines of the others. Of each code a
 /// hundred are told; the second list says how many more there are. Linear in the number of messages.
 #[must_use]
-pub fn one_per_cause(diagnostics: &[Diagnostic], sources: &SourceMap) -> (Vec<Diagnostic>, Vec<(&'static str, usize)>) {
+pub fn one_per_cause(diagnostics: &[Diagnostic], sources: &SourceMap) -> (Vec<Diagnostic>, Vec<(Code, usize)>) {
     let mut kept: Vec<Cause<'_>> = Vec::new();
-    let mut by_code: BTreeMap<&'static str, (Vec<usize>, usize)> = BTreeMap::new();
+    let mut by_code: BTreeMap<Code, (Vec<usize>, usize)> = BTreeMap::new();
     for d in diagnostics {
         let (known, more) = by_code.entry(d.code).or_default();
         let same = known.iter().find(|k| kept[**k].first == d || same_cause(kept[**k].first, d));

@@ -16,8 +16,9 @@
 
 pub mod ast;
 mod codes;
-mod cure;
 mod diag;
+mod edits;
+mod fix;
 mod fmt;
 mod foreign;
 mod idx;
@@ -41,9 +42,10 @@ mod units;
 mod walk;
 mod words;
 
-pub use codes::{CodePage, codes, explain};
-pub use cure::{Cure, cures};
-pub use diag::{Checked, Diagnostic, Label, Severity, nearest, one_per_cause};
+pub use codes::{Code, CodePage, Severity, codes, explain};
+pub use diag::{Checked, Diagnostic, Label, nearest, one_per_cause};
+pub use edits::{Edit, edits};
+pub use fix::Fix;
 pub use fmt::format;
 pub use foreign::{foreign, ufl};
 pub use keywords::{KEYWORDS, STATEMENTS, is_keyword};

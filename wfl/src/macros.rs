@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     ast::{Argument, Cond, CondKind, Expansion, ExpansionId, Expansions, Expr, ExprKind, MacroDef},
+    codes::Code,
     diag::Diagnostic,
     render::at_expr,
     source::{SourceMap, Span},
@@ -95,7 +96,7 @@ impl<'d> Table<'d> {
         } else {
             path.join(" -> ")
         };
-        let mut d = Diagnostic::new("E123", format!("`{}` is defined by itself", path[0])).note(shown);
+        let mut d = Diagnostic::new(Code::E123, format!("`{}` is defined by itself", path[0])).note(shown);
         for (i, def) in cycle.iter().take(4).enumerate() {
             d = d.at(self.defs[*def].head, if i == 0 { "" } else { "by way of this" });
         }
@@ -211,7 +212,7 @@ impl<'d> Expander<'d> {
         }
         if !self.full {
             self.full = true;
-            let d = Diagnostic::new("E124", format!("macros expand to more than {EXPANSION_LIMIT} parts"))
+            let d = Diagnostic::new(Code::E124, format!("macros expand to more than {EXPANSION_LIMIT} parts"))
                 .note("a macro that uses another one twice doubles it, at every level");
             let d = at_expr(d, at, &self.expansions, "");
             self.report(d);
@@ -224,7 +225,7 @@ impl<'d> Expander<'d> {
             return Some(());
         }
         let text = format!("nested more than {EXPANDED_NESTING_LIMIT} deep after its macros are expanded");
-        let d = at_expr(Diagnostic::new("E119", text), at, &self.expansions, "");
+        let d = at_expr(Diagnostic::new(Code::E119, text), at, &self.expansions, "");
         if !self.diagnostics.iter().any(|x| x.message == d.message && x.labels.first() == d.labels.first()) {
             self.diagnostics.push(d);
         }
@@ -317,7 +318,8 @@ impl<'d> Expander<'d> {
             return Some(Expr { kind: ExprKind::Name(format!("{prefix}{word}")), span: e.span, expansion: frame.id });
         }
         let v = self.formal_name(i, frame);
-        let d = Diagnostic::new("E106", format!("`{prefix}{v}` needs a field name, but `{v}` is an expression here"));
+        let d =
+            Diagnostic::new(Code::E106, format!("`{prefix}{v}` needs a field name, but `{v}` is an expression here"));
         self.needs_name(d, e.span, format!("`{v}` is pasted behind {prefix} here"), i, frame)
     }
 
@@ -390,7 +392,7 @@ impl<'d> Expander<'d> {
                 && !matches!(frame.arguments[i].expr.kind, ExprKind::Name(_))
             {
                 let d = Diagnostic::new(
-                    "E106",
+                    Code::E106,
                     format!("`Interpolate` needs a field name, but `{word}` is an expression here"),
                 );
                 self.needs_name(d, inner.span, format!("`{word}` is the field of `Interpolate` here"), i, frame);
@@ -418,12 +420,13 @@ impl<'d> Expander<'d> {
         for argument in given {
             match argument {
                 Argument::Slice(span) => {
-                    let d = Diagnostic::new("E105", format!("`:` is no argument of the macro `{}`", def.name.name));
+                    let d = Diagnostic::new(Code::E105, format!("`:` is no argument of the macro `{}`", def.name.name));
                     self.report(d.at(*span, "").at(def.head, "defined here"));
                     complete = false;
                 }
                 Argument::Text(_, span) => {
-                    let d = Diagnostic::new("E105", format!("a text is no argument of the macro `{}`", def.name.name));
+                    let d =
+                        Diagnostic::new(Code::E105, format!("a text is no argument of the macro `{}`", def.name.name));
                     self.report(d.at(*span, "").at(def.head, "defined here"));
                     complete = false;
                 }
@@ -464,7 +467,7 @@ const TOP: Frame<'static> = Frame { def: None, arguments: &[], id: None, sees_lo
 fn wrong_number(def: &MacroDef, given: usize) -> Diagnostic {
     let n = def.formals.len();
     let plural = if n == 1 { "" } else { "s" };
-    Diagnostic::new("E105", format!("`{}` takes {n} argument{plural}, {given} given", def.name.name))
+    Diagnostic::new(Code::E105, format!("`{}` takes {n} argument{plural}, {given} given", def.name.name))
 }
 
 /// Prefix and place of the parameter that `word` is or ends with; the prefix may be empty.

@@ -97,7 +97,7 @@ fn parse_piece(piece: &Piece, text: &str, id: SourceId, ended: &mut Vec<Span>) -
         ended.push(span_at(id, piece.start, length - 1, length));
         masked.replace_range(length - 1..length, " ");
     }
-    scan::known_statement(&masked, piece, id)?;
+    scan::known_statement(&masked, piece, id, &text[..piece.start])?;
     let pair = run(Rule::statement, &masked, piece.start, id)?;
     statement::Reader { masked: &masked, base: piece.start, source: id }.statement(pair)
 }
@@ -143,6 +143,11 @@ fn run(rule: Rule, masked: &str, base: usize, id: SourceId) -> Parsed<Pair<'_>> 
         Ok(mut pairs) => Ok(pairs.next().expect("a successful parse gives the pair of its rule")),
         Err(e) => Err(Box::new(slip::explain(&e, masked, base, id, rule == Rule::statement))),
     }
+}
+
+/// True for text that the grammar reads as one statement.
+fn is_statement(masked: &str, id: SourceId) -> bool {
+    run(Rule::statement, masked, 0, id).is_ok()
 }
 
 /// The span of `start..end` in a text that starts at byte `base` of the source.

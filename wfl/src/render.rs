@@ -21,7 +21,7 @@ const LONGEST_MARK: usize = 4000;
 #[must_use]
 pub fn render(diagnostic: &Diagnostic, sources: &SourceMap, color: bool) -> String {
     let level = if diagnostic.is_error() { Level::ERROR } else { Level::WARNING };
-    let title = level.primary_title(visible(&unquoted(&diagnostic.message, sources))).id(diagnostic.code);
+    let title = level.primary_title(visible(&unquoted(&diagnostic.message, sources))).id(diagnostic.code.as_str());
     let mut group = Group::with_title(title);
     for (source, labels) in by_source(diagnostic, sources) {
         let ranges: Vec<Range<usize>> = labels.iter().map(|(l, _)| clamp(&source.text, l.span)).collect();
@@ -124,7 +124,7 @@ mod tests {
     fn example(text: &str, span: (u32, u32)) -> (Diagnostic, SourceMap) {
         let mut sources = SourceMap::new();
         let source = sources.add("scene.wfl", text);
-        let d = Diagnostic::new("E107", "`**` is not an operator")
+        let d = Diagnostic::new(crate::Code::E107, "`**` is not an operator")
             .at(Span { source, start: span.0, end: span.1 }, "")
             .help("x^2, or sqr(x)");
         (d, sources)

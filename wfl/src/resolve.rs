@@ -18,7 +18,9 @@ use crate::{
     ast::{
         Cond, Expr, ExprKind, Ident, Item, ItemKind, MeasureAt, OutputItem, Reduction, RegionExpr, Target, TargetPart,
     },
+    codes::Code,
     diag::{Checked, Diagnostic},
+    fix::Fix,
     lost::Lost,
     macros::Expander,
     script::{Balance, Condition, Event, MacroInfo, Measure, OutputQuantity, Region, ResolvedScript},
@@ -283,7 +285,7 @@ impl<'d> Resolver<'d> {
         let Some(first) = first else {
             return Some(());
         };
-        let d = Diagnostic::new("E424", format!("a scene has one `{word}`"));
+        let d = Diagnostic::new(Code::E424, format!("a scene has one `{word}`"));
         self.diagnostics.push(d.at(span, "").at(first, "the first one"));
         None
     }
@@ -342,7 +344,7 @@ impl<'d> Resolver<'d> {
     fn places(&mut self, places: &[Ident], global: bool) -> Option<Vec<Ident>> {
         for (k, place) in places.iter().enumerate() {
             if let Some(first) = places[..k].iter().find(|p| p.name == place.name) {
-                let d = Diagnostic::new("E218", format!("`{}` is named twice in this list of regions", place.name));
+                let d = Diagnostic::new(Code::E218, format!("`{}` is named twice in this list of regions", place.name));
                 self.diagnostics.push(d.at(place.span, "it would count twice").at(first.span, "first named here"));
             }
         }
@@ -354,7 +356,7 @@ impl<'d> Resolver<'d> {
     fn place(&mut self, name: &Ident, global: bool) -> Option<Ident> {
         self.regions.insert(name.name.clone());
         if name.name == "global" && !global {
-            let d = Diagnostic::new("E212", "`global` is no region; only terms and measures can stand on it");
+            let d = Diagnostic::new(Code::E212, "`global` is no region; only terms and measures can stand on it");
             self.diagnostics.push(d.at(name.span, ""));
             return None;
         }
@@ -400,7 +402,7 @@ impl<'d> Resolver<'d> {
         let waiting: Vec<&Region> = regions.iter().zip(&waits_for).filter(|(_, n)| **n > 0).map(|(r, _)| r).collect();
         if let Some(first) = waiting.first() {
             let rest: Vec<&str> = waiting.iter().map(|r| r.name.name.as_str()).collect();
-            let d = Diagnostic::new("E123", format!("the region `{}` is made of itself", rest[0]));
+            let d = Diagnostic::new(Code::E123, format!("the region `{}` is made of itself", rest[0]));
             self.diagnostics.push(d.at(first.name.span, "").note(format!("in a circle: {}", rest.join(", "))));
         }
         let mut all: Vec<Option<Region>> = regions.into_iter().map(Some).collect();
@@ -414,12 +416,13 @@ impl<'d> Resolver<'d> {
         }
         let has = |f: fn(&ItemKind) -> bool| items.iter().any(|i| f(&i.kind));
         if !has(|k| matches!(k, ItemKind::Mesh { .. })) {
-            let d = Diagnostic::new("E421", "the scene has no mesh");
-            self.diagnostics.push(d.help("mesh box [0,0] to [1,1] cells [8,8] quad, or mesh file \"part.msh\""));
+            let d = Diagnostic::new(Code::E421, "the scene has no mesh");
+            let d = d.help("mesh box [0,0] to [1,1] cells [8,8] quad, or mesh file \"part.msh\"");
+            self.diagnostics.push(d.fix(Fix::AddStatement("mesh box [0,0] to [1,1] cells [8,8] quad".to_owned())));
         }
         if !has(|k| matches!(k, ItemKind::Term { .. })) {
-            let d = Diagnostic::new("E422", "the scene has no term");
-            self.diagnostics.push(d.help("term on all : Grad_u.Grad_Test_u - Test_u"));
+            let d = Diagnostic::new(Code::E422, "the scene has no term");
+            self.diagnostics.push(d.missing("term on all : Grad_u.Grad_Test_u - Test_u"));
         }
     }
 }

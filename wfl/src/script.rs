@@ -9,6 +9,7 @@ use crate::{
     ast::{
         Cond, Domain, Expansions, Expr, ExprKind, Ident, MappingKind, MeasureAt, MeshSource, OptionItem, QuadratureRule,
     },
+    codes::Code,
     diag::Diagnostic,
     lost::Lost,
     source::{SourceId, SourceMap, Span},
@@ -187,7 +188,7 @@ impl Param {
             Some(Domain::Range(low, high)) => format!("between {} and {}", text(low), text(high)),
             None => "finite".to_owned(),
         };
-        let d = Diagnostic::new("E701", format!("`{}` must be {allowed}", self.name.name));
+        let d = Diagnostic::new(Code::E701, format!("`{}` must be {allowed}", self.name.name));
         let Some(given) = self.overridden else {
             return d.at(self.value.span, "");
         };

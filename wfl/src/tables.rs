@@ -218,7 +218,7 @@ fn head(cell: &str, span: Span) -> Result<Head, &'static str> {
     }
     let unit =
         unit.map(|u| factors(u).ok_or("its unit cannot be read; write it as in a scene: [N/mm^2]")).transpose()?;
-    Ok(Head { name: Some(name.to_owned()), unit: unit.map(|factors| Unit { factors, span }) })
+    Ok(Head { name: Some(name.to_owned()), unit: unit.map(|factors| Unit { factors, places: Vec::new(), span }) })
 }
 
 /// `MPa*s/mm^2`

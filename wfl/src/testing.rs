@@ -111,7 +111,7 @@ pub(crate) fn tree(text: &str) -> String {
 }
 
 pub(crate) fn codes(diagnostics: &[Diagnostic]) -> String {
-    diagnostics.iter().map(|d| d.code).collect::<Vec<_>>().join(" ")
+    diagnostics.iter().map(|d| d.code.as_str()).collect::<Vec<_>>().join(" ")
 }
 
 /// xorshift64*: the same sequence everywhere, so a failing input can be found again.

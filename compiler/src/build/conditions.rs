@@ -1,7 +1,7 @@
 //! Conditions to masks. Coordinates may be compared within a tolerance, everything else exactly.
 
 use wfl::{
-    Diagnostic,
+    Code, Diagnostic,
     ast::{CmpOp, Cond, CondKind, Expr},
 };
 
@@ -66,7 +66,7 @@ impl Builder<'_> {
         self.no_tests(e, value, "a comparison")?;
         let shape = self.graph.shape(value);
         if !shape.is_scalar_like() {
-            let d = Diagnostic::new("E108", format!("a comparison needs scalars, found a {shape}"));
+            let d = Diagnostic::new(Code::E108, format!("a comparison needs scalars, found a {shape}"));
             return self.report(d, e, shape.to_string());
         }
         Some(self.graph.to_scalar(value))

@@ -1,6 +1,6 @@
 //! `Grad(expr)`: the symbolic gradient in space. Fields have two derivatives; a third one is refused.
 
-use wfl::{Diagnostic, ast::Expr};
+use wfl::{Code, Diagnostic, ast::Expr};
 
 use crate::{
     build::Builder,
@@ -58,11 +58,11 @@ impl Builder<'_> {
         let shape = self.graph.shape(value);
         let dim = self.env.dim;
         let Some(result) = shape.with_last(dim) else {
-            let d = Diagnostic::new("E110", "the gradient of this tensor has too many indices");
+            let d = Diagnostic::new(Code::E110, "the gradient of this tensor has too many indices");
             return self.report(d, e, "");
         };
         if self.graph.mapping.is_some() && reads_image(&self.graph, value) {
-            let d = Diagnostic::new("E111", "the gradient of a value at the image of a mapping is not available")
+            let d = Diagnostic::new(Code::E111, "the gradient of a value at the image of a mapping is not available")
                 .help("Interpolate(Grad_u, m) is the gradient at the image, in the coordinates there");
             return self.report(d, e, "");
         }
@@ -78,7 +78,7 @@ impl Builder<'_> {
                 return self.no_second_gradient(e, field);
             }
             if reach.third {
-                let d = Diagnostic::new("E111", "third derivatives of a field are not available");
+                let d = Diagnostic::new(Code::E111, "third derivatives of a field are not available");
                 return self.report(d, e, "");
             }
             match moved {
@@ -114,7 +114,8 @@ impl Builder<'_> {
     pub(crate) fn no_second_gradient<T>(&mut self, e: &Expr, field: FieldId) -> Option<T> {
         let sig = &self.env.fields[field.index()];
         let name = &sig.name;
-        let d = Diagnostic::new("E208", format!("`{name}` lives on faces: it has no second derivatives")).about(name);
+        let d =
+            Diagnostic::new(Code::E208, format!("`{name}` lives on faces: it has no second derivatives")).about(name);
         let kind = if sig.shape.rank() == 0 { "vector" } else { "matrix" };
         let d = d.help(format!("an unknown of its own for the gradient, `unknown q : {kind} on ...` with the term (q - Grad_{name}).Test_q: then Grad_q"));
         self.report(d, e, "a face gives the gradient along it, and no derivative of that")
@@ -126,7 +127,7 @@ impl Builder<'_> {
             FieldOp::Grad if self.env.fields[field.index()].on_faces => return self.no_second_gradient(e, field),
             FieldOp::Grad => FieldOp::Hess,
             FieldOp::Hess => {
-                let d = Diagnostic::new("E111", "third derivatives of a field are not available");
+                let d = Diagnostic::new(Code::E111, "third derivatives of a field are not available");
                 return self.report(d, e, "");
             }
         };
@@ -139,7 +140,7 @@ impl Builder<'_> {
     }
 
     pub(crate) fn no_derivative<T>(&mut self, e: &Expr, what: &str) -> Option<T> {
-        let d = Diagnostic::new("E111", format!("`{what}` has no second derivative here"));
+        let d = Diagnostic::new(Code::E111, format!("`{what}` has no second derivative here"));
         self.report(d, e, "needed for the tangent of this expression")
     }
 }

@@ -3,7 +3,7 @@
 //! What lives on the other side of an interface, and what has no gradient or test function, is told here. Functions
 //! are in `parts.rs` and `ops/`.
 
-use wfl::{Diagnostic, ast::Expr, nearest};
+use wfl::{Code, Diagnostic, Span, ast::Expr, nearest};
 
 use crate::{
     build::Builder,
@@ -25,7 +25,7 @@ impl Builder<'_> {
                 let x = this.graph.leaf(Leaf::X);
                 Some(this.graph.pick(x, &[Some(k)]))
             } else {
-                let d = Diagnostic::new("E205", format!("`{name}` does not exist in {} dimensions", this.env.dim));
+                let d = Diagnostic::new(Code::E205, format!("`{name}` does not exist in {} dimensions", this.env.dim));
                 this.report(d, e, "")
             }
         };
@@ -44,7 +44,9 @@ impl Builder<'_> {
             }
             "timestep" => {
                 if self.env.step_variable.is_none() {
-                    let d = Diagnostic::new("E206", "`timestep` needs a `steps` statement").about("steps").help(STEPS);
+                    let d = Diagnostic::new(Code::E206, "`timestep` needs a `steps` statement")
+                        .about("steps")
+                        .missing(STEPS);
                     return self.report(d, e, "");
                 }
                 if self.in_the_past {
@@ -54,8 +56,8 @@ impl Builder<'_> {
             }
             _ if Some(name) == self.env.step_variable => return Some(self.time()),
             "t" => {
-                let d = Diagnostic::new("E206", "`t` exists only if the scene says `steps t = ...`");
-                let d = d.about("steps").help(STEPS);
+                let d = Diagnostic::new(Code::E206, "`t` exists only if the scene says `steps t = ...`");
+                let d = d.about("steps").missing(STEPS);
                 return self.report(d, e, "");
             }
             _ => {}
@@ -66,7 +68,7 @@ impl Builder<'_> {
             return self.field_word(e, name, Side::Here);
         }
         if ops::find(name).is_some() {
-            let d = Diagnostic::new("E105", format!("`{name}` is a function and needs its arguments"))
+            let d = Diagnostic::new(Code::E105, format!("`{name}` is a function and needs its arguments"))
                 .help(format!("{name}(...)"));
             return self.report(d, e, "");
         }
@@ -75,8 +77,8 @@ impl Builder<'_> {
 
     pub(super) fn unknown_name<T>(&mut self, e: &Expr, name: &str) -> Option<T> {
         if wfl::UNSUPPORTED.contains(&name) {
-            let d =
-                Diagnostic::new("E801", format!("`{name}` is GWFL this program does not have")).help(in_place_of(name));
+            let d = Diagnostic::new(Code::E801, format!("`{name}` is GWFL this program does not have"))
+                .help(in_place_of(name));
             return self.report(d, e, "");
         }
         let env = self.env;
@@ -86,13 +88,20 @@ impl Builder<'_> {
         let known = known.chain(fixed).chain(env.step_variable).chain(ops::names().map(|n| -> &str { n }));
         let fields: Vec<String> = env.fields.iter().map(|f| format!("`{}`", f.name)).collect();
         let prefixed = FieldWord::split(name).is_some_and(|w| w.has_prefix()) && !fields.is_empty();
+        let d = Diagnostic::new(Code::E201, format!("unknown name `{name}`")).about(root(name));
+        // a word that a macro has put together stands nowhere
+        let is_written = (e.span.end - e.span.start) as usize == name.len();
+        let d = if is_written { d.word(Span { start: e.span.end - root(name).len() as u32, ..e.span }) } else { d };
+        let mut offered = None;
         let text = match nearest(name, known) {
             _ if prefixed => format!("there is no field `{}`; the fields are {}", root(name), fields.join(", ")),
-            Some(k) => format!("did you mean `{k}`?"),
+            Some(k) => {
+                offered = Some(k.to_owned()).filter(|_| is_written);
+                format!("did you mean `{k}`?")
+            }
             None => "not a parameter, field, macro or built-in name".to_owned(),
         };
-        let d = Diagnostic::new("E201", format!("unknown name `{name}`")).about(root(name));
-        self.report(d, e, text)
+        self.report(offered.into_iter().fold(d, |d, near| d.replace(e.span, near)), e, text)
     }
 
     /// The field of that name.
@@ -113,7 +122,7 @@ impl Builder<'_> {
                 "Normal" => "exists on faces only",
                 _ => "needs a cell",
             };
-            let d = Diagnostic::new("E204", format!("`{name}` {text}"));
+            let d = Diagnostic::new(Code::E204, format!("`{name}` {text}"));
             let d = d.note(format!("`{}` is {}", self.place.name, self.place.description));
             return self.report(d, e, "");
         }
@@ -133,7 +142,7 @@ impl Builder<'_> {
         let sig = &self.env.fields[field.index()];
         if word.is_test() && !sig.is_unknown() {
             let kind = if sig.kind == FieldKind::State { "state" } else { "data" };
-            let d = Diagnostic::new("E304", format!("`{}` is {kind}, it has no test function", sig.name));
+            let d = Diagnostic::new(Code::E304, format!("`{}` is {kind}, it has no test function", sig.name));
             return self.report(d, e, "only unknowns and multipliers have one");
         }
         self.has_derivative(e, field, word.op)?;
@@ -153,9 +162,11 @@ impl Builder<'_> {
         };
         if matches!(word.role, WordRole::Previous | WordRole::Dot | WordRole::Dot2) && self.env.step_variable.is_none()
         {
-            let d =
-                Diagnostic::new("E206", format!("`{name}` needs a `steps` statement: without steps there is no past"));
-            return self.report(d.about("steps").help(STEPS), e, "");
+            let d = Diagnostic::new(
+                Code::E206,
+                format!("`{name}` needs a `steps` statement: without steps there is no past"),
+            );
+            return self.report(d.about("steps").missing(STEPS), e, "");
         }
         let op = match word.op {
             WordOp::Value => FieldOp::Value,
@@ -172,7 +183,8 @@ impl Builder<'_> {
         }
         if word.op == WordOp::Div {
             let Some(divergence) = self.divergence(leaf, shape) else {
-                let d = Diagnostic::new("E108", format!("`{name}` needs as many components as space has dimensions"));
+                let d =
+                    Diagnostic::new(Code::E108, format!("`{name}` needs as many components as space has dimensions"));
                 let text = format!("`{}` is a {shape}, space has {} dimensions", word.field, self.env.dim);
                 return self.report(d, e, text);
             };
@@ -193,7 +205,7 @@ impl Builder<'_> {
 
     /// E461 for what has no value at the end of the previous step.
     pub(crate) fn not_in_the_past<T>(&mut self, e: &Expr, name: &str) -> Option<T> {
-        let d = Diagnostic::new("E461", format!("`Rate` cannot take `{name}`: it has no value one step earlier"));
+        let d = Diagnostic::new(Code::E461, format!("`Rate` cannot take `{name}`: it has no value one step earlier"));
         self.report(d, e, "of a state before the last one nothing is kept")
     }
 
@@ -209,7 +221,7 @@ impl Builder<'_> {
             FieldKind::State => "lives at integration points",
             _ => return Some(()),
         };
-        let d = Diagnostic::new("E208", format!("`{}` {why}: it has no gradient", sig.name));
+        let d = Diagnostic::new(Code::E208, format!("`{}` {why}: it has no gradient", sig.name));
         self.report(d, e, "")
     }
 
@@ -250,7 +262,7 @@ impl Builder<'_> {
     /// A second rate of a field that has none.
     fn no_acceleration<T>(&mut self, e: &Expr, name: &str, field: FieldId) -> Option<T> {
         let sig = &self.env.fields[field.index()];
-        let d = Diagnostic::new("E451", format!("`{name}` has no value: the equations do not determine it"));
+        let d = Diagnostic::new(Code::E451, format!("`{name}` has no value: the equations do not determine it"));
         let text = if sig.is_unknown() {
             format!("no term has `Dot2_{}`", sig.name)
         } else {
@@ -275,11 +287,11 @@ impl Builder<'_> {
             return self.unknown_name(e, name);
         }
         if word.is_test() {
-            let d = Diagnostic::new("E304", format!("`{}` is a param, it has no test function", word.field));
+            let d = Diagnostic::new(Code::E304, format!("`{}` is a param, it has no test function", word.field));
             return self.report(d, e, "only unknowns and multipliers have one");
         }
         let what = name.strip_suffix(word.field).unwrap_or(name).trim_end_matches('_');
-        let d = Diagnostic::new("E106", format!("`{what}_` needs a field name, but `{}` is a param", word.field));
+        let d = Diagnostic::new(Code::E106, format!("`{what}_` needs a field name, but `{}` is a param", word.field));
         self.report(d, e, "")
     }
 
@@ -299,13 +311,13 @@ impl Builder<'_> {
         }
         let name = &sig.name;
         if let Some(mapping) = image {
-            let d = Diagnostic::new("E202", format!("`{name}` does not live at the images of `{}`", mapping.name));
+            let d = Diagnostic::new(Code::E202, format!("`{name}` does not live at the images of `{}`", mapping.name));
             return self.report(d, e, mapping.description.clone());
         }
         let place = &self.place.name;
         if self.place.kind == PlaceKind::Global {
-            let d =
-                Diagnostic::new("E202", format!("`{name}` varies in space, but this term is on `global`")).about(name);
+            let d = Diagnostic::new(Code::E202, format!("`{name}` varies in space, but this term is on `global`"))
+                .about(name);
             return self.report(d, e, "only numbers and global unknowns have one value");
         }
         let other = match side {
@@ -313,13 +325,14 @@ impl Builder<'_> {
             Side::There => self.place.here[field.index()],
         };
         let d = if self.place.kind == PlaceKind::Interface && other {
-            let d = Diagnostic::new("E202", format!("`{name}` does not live on this side of `{place}`")).about(name);
+            let d =
+                Diagnostic::new(Code::E202, format!("`{name}` does not live on this side of `{place}`")).about(name);
             match side {
                 Side::Here => d.help(format!("Interpolate({name}, neighbor_element) is the trace from the other side")),
                 Side::There => d.help(format!("`{name}` alone is the trace from this side")),
             }
         } else {
-            Diagnostic::new("E202", format!("`{name}` does not live on `{place}`")).about(name)
+            Diagnostic::new(Code::E202, format!("`{name}` does not live on `{place}`")).about(name)
         };
         let text = match (&self.place.here_name, other) {
             (Some(here), true) => format!("`{place}` is integrated from `{here}`"),

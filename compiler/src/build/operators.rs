@@ -3,7 +3,7 @@
 //! A product is read from left to right as in GWFL; every pair that does not fit is told with both shapes.
 
 use wfl::{
-    Diagnostic, Span,
+    Code, Diagnostic, Span,
     ast::{Expr, ExprKind, MulOp},
     quote_without_tests,
 };
@@ -74,7 +74,7 @@ impl Builder<'_> {
                 (true, _) => format!("cannot subtract a {article_b} from a {article_a}"),
                 (false, _) => format!("cannot add a {article_b} to a {article_a}"),
             };
-            let d = Diagnostic::new("E101", message);
+            let d = Diagnostic::new(Code::E101, message);
             let d = self.at_operand(d, e, before, a.to_string());
             let mut d = self.at_operand(d, e, part, b.to_string());
             if let ExprKind::Product(first, rest) = &part.kind
@@ -97,7 +97,7 @@ impl Builder<'_> {
         let (x, y) = (self.graph.arity(sum), self.graph.arity(value));
         if x != y && !self.graph.is_zero(sum) && !self.graph.is_zero(value) {
             let culprit = if y == Arity::NONE || (y.test && !y.trial && x.trial) { part } else { before };
-            let d = Diagnostic::new("E302", "part of this term has no test function");
+            let d = Diagnostic::new(Code::E302, "part of this term has no test function");
             let d = self.at_operand(d, e, culprit, "no Test_ in this summand");
             let d = d.help("if it is a potential to be minimised, write `energy` in place of `term`");
             self.diagnostics.push(d);
@@ -172,11 +172,11 @@ impl Builder<'_> {
         let (ta, tb) = (self.graph.arity(a), self.graph.arity(b));
         if matches!(op, MulOp::Divide | MulOp::DivideByComponent) {
             if tb != Arity::NONE {
-                let d = Diagnostic::new("E303", "a test function cannot be divided by");
+                let d = Diagnostic::new(Code::E303, "a test function cannot be divided by");
                 return self.report(d, eb, "test function in the denominator");
             }
         } else if (ta.test && tb.test) || (ta.trial && tb.trial) {
-            let d = Diagnostic::new("E301", "a term must be linear in the test functions");
+            let d = Diagnostic::new(Code::E301, "a term must be linear in the test functions");
             let d = self.at_operand(d, e, ea, "");
             let d = self.at_operand(d, e, eb, "second test function in the same product");
             let known = quote_without_tests(self.operand(e, ea).span);
@@ -190,7 +190,7 @@ impl Builder<'_> {
             MulOp::Times => self.times(e, a, b, ea, eb),
             MulOp::Divide => {
                 if !sb.is_scalar_like() {
-                    let d = Diagnostic::new("E109", format!("cannot divide by a {sb}"))
+                    let d = Diagnostic::new(Code::E109, format!("cannot divide by a {sb}"))
                         .help("`./` divides component by component");
                     return self.report(d, eb, sb.to_string());
                 }
@@ -198,7 +198,7 @@ impl Builder<'_> {
                     if self.dead {
                         return Some(a);
                     }
-                    let d = Diagnostic::new("E109", "division by zero");
+                    let d = Diagnostic::new(Code::E109, "division by zero");
                     return self.report(d, eb, "this is 0");
                 }
                 Some(self.graph.divide(a, b))
@@ -233,7 +233,7 @@ impl Builder<'_> {
         sb: Shape,
         help: Option<&str>,
     ) -> Option<ExprId> {
-        let mut d = Diagnostic::new("E102", format!("`{op}` needs {needs}, found {sa} and {sb}"));
+        let mut d = Diagnostic::new(Code::E102, format!("`{op}` needs {needs}, found {sa} and {sb}"));
         d = self.at_operand(d, e, eb, sb.to_string());
         d = self.at_operand(d, e, ea, sa.to_string());
         if let Some(h) = help {
@@ -260,7 +260,7 @@ impl Builder<'_> {
             _ if sa.is_scalar_like() => Some(self.graph.scale(a, b)),
             _ if sb.is_scalar_like() => Some(self.graph.scale(b, a)),
             (1, 1) => {
-                let d = Diagnostic::new("E102", "`*` does not multiply two vectors");
+                let d = Diagnostic::new(Code::E102, "`*` does not multiply two vectors");
                 let d = if sa == sb {
                     let d = self.at_operand(d, e, eb, format!("{sb} on both sides"));
                     self.at_operand(d, e, ea, "")
@@ -273,7 +273,14 @@ impl Builder<'_> {
                     "`{u}.{v}` for the scalar product, `{u}@{v}` for the tensor product, `{u}.*{v}` for component by \
                      component"
                 ));
-                self.diagnostics.push(d);
+                let operator = match &e.kind {
+                    ExprKind::Product(_, rest) => rest.iter().find(|r| std::ptr::eq(&raw const r.2, eb)).map(|r| r.1),
+                    _ => None,
+                };
+                self.diagnostics.push(match operator {
+                    Some(operator) if sa == sb => d.replace(operator, "."),
+                    _ => d,
+                });
                 None
             }
             _ => self.bad_pair(
@@ -352,7 +359,7 @@ impl Builder<'_> {
         } else {
             format!("a tensor with {entries} entries is too large: {MAX_ENTRIES} at most")
         };
-        self.report(Diagnostic::new("E110", text), e, "")
+        self.report(Diagnostic::new(Code::E110, text), e, "")
     }
 
     /// Vector to row; matrix transposed; higher: first two indices exchanged.
@@ -375,7 +382,7 @@ impl Builder<'_> {
         self.no_tests(a, base, "^")?;
         self.no_tests(b, exponent, "^")?;
         if !self.graph.shape(base).is_scalar_like() || !self.graph.shape(exponent).is_scalar_like() {
-            let d = Diagnostic::new("E108", "`^` takes a scalar and a scalar")
+            let d = Diagnostic::new(Code::E108, "`^` takes a scalar and a scalar")
                 .help("pow(v, p) acts component by component");
             return self.report(d, a, self.graph.shape(base).to_string());
         }

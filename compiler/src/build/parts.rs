@@ -1,7 +1,7 @@
 //! Explicit tensors, calls and components `e(i, :)`. Formulas of functions are in `ops/`.
 
 use wfl::{
-    Diagnostic,
+    Code, Diagnostic, Span,
     ast::{Argument, Expr, ExprKind},
 };
 
@@ -25,7 +25,7 @@ impl Builder<'_> {
             return None;
         }
         if parts.iter().any(|r| r.len() != parts[0].len()) {
-            let d = Diagnostic::new("E108", "the rows of a matrix must be of one length");
+            let d = Diagnostic::new(Code::E108, "the rows of a matrix must be of one length");
             return self.report(d, e, "");
         }
         self.one_shape(&parts, rows)?;
@@ -36,7 +36,7 @@ impl Builder<'_> {
         if inner.is_scalar_like() {
             let shape = if m == 1 || n == 1 { Shape::new(&[m * n]) } else { Shape::new(&[m, n]) };
             let Some(shape) = shape else {
-                let d = Diagnostic::new("E110", "this tensor is too large");
+                let d = Diagnostic::new(Code::E110, "this tensor is too large");
                 return self.report(d, e, "");
             };
             let scalars: Vec<ExprId> = ordered.iter().map(|p| self.graph.to_scalar(*p)).collect();
@@ -44,11 +44,11 @@ impl Builder<'_> {
             return Some(self.graph.stack(shape, &scalars));
         }
         if m > 1 && n > 1 {
-            let d = Diagnostic::new("E108", "nested lists hold one row or one column of tensors");
+            let d = Diagnostic::new(Code::E108, "nested lists hold one row or one column of tensors");
             return self.report(d, e, "");
         }
         let Some(shape) = inner.with_last(m * n) else {
-            let d = Diagnostic::new("E110", format!("a tensor has {} indices at most", crate::types::MAX_RANK));
+            let d = Diagnostic::new(Code::E110, format!("a tensor has {} indices at most", crate::types::MAX_RANK));
             return self.report(d, e, "");
         };
         self.one_arity(e, &ordered)?;
@@ -70,7 +70,7 @@ impl Builder<'_> {
                 // a list beside a number is no entry, whatever its length; so it is in GetFEM
                 let is_list = |e: &Expr| matches!(e.kind, ExprKind::Tensor(_));
                 if is_list(text) != is_list(&rows[0][0]) && (s.is_scalar_like() || inner.is_scalar_like()) {
-                    let d = Diagnostic::new("E108", "the parts of an explicit tensor must be of one shape");
+                    let d = Diagnostic::new(Code::E108, "the parts of an explicit tensor must be of one shape");
                     return self.report(
                         d,
                         text,
@@ -78,7 +78,7 @@ impl Builder<'_> {
                     );
                 }
                 if s != inner && !(s.is_scalar_like() && inner.is_scalar_like()) {
-                    let d = Diagnostic::new("E108", "the parts of an explicit tensor must be of one shape");
+                    let d = Diagnostic::new(Code::E108, "the parts of an explicit tensor must be of one shape");
                     return self.report(d, text, s.to_string());
                 }
             }
@@ -92,7 +92,7 @@ impl Builder<'_> {
         if arities.windows(2).all(|w| w[0] == w[1]) {
             return Some(());
         }
-        let d = Diagnostic::new("E302", "some parts of this tensor have a test function and some have none");
+        let d = Diagnostic::new(Code::E302, "some parts of this tensor have a test function and some have none");
         self.report(d, e, "")
     }
 
@@ -107,7 +107,8 @@ impl Builder<'_> {
                     let expected =
                         if op.least == op.most { op.least.to_string() } else { format!("{} to {}", op.least, op.most) };
                     let plural = if expected == "1" { "" } else { "s" };
-                    let d = Diagnostic::new("E105", format!("`{name}` takes {expected} argument{plural}, {n} given"));
+                    let d =
+                        Diagnostic::new(Code::E105, format!("`{name}` takes {expected} argument{plural}, {n} given"));
                     return self.report(d, e, op.usage);
                 }
                 return (op.build)(self, &Call { name, expr: e, args });
@@ -132,8 +133,15 @@ impl Builder<'_> {
             if let Argument::Expr(arg) = &args[0]
                 && !matches!(arg.kind, ExprKind::Number(_))
             {
-                let d = Diagnostic::new("E104", "a number is followed by parentheses, and has no components");
-                return self.report(d.help("a product is written with `*`: a*(b)"), e, "");
+                let d = Diagnostic::new(Code::E104, "a number is followed by parentheses, and has no components");
+                let behind = match &e.kind {
+                    ExprKind::Call(name, _) if matches!(name.kind, ExprKind::Name(_)) => {
+                        Some(Span { start: name.span.end, ..name.span })
+                    }
+                    _ => None,
+                };
+                let d = d.help("a product is written with `*`: a*(b)");
+                return self.report(behind.into_iter().fold(d, |d, at| d.replace(at, "*")), e, "");
             }
             let index = self.index(&args[0])?;
             if index == Some(1) {
@@ -142,7 +150,7 @@ impl Builder<'_> {
         }
         if args.len() != rank {
             let d = Diagnostic::new(
-                "E104",
+                Code::E104,
                 format!("{} ind{} given for a {shape}", args.len(), if args.len() == 1 { "ex" } else { "ices" }),
             );
             let text = if rank == 0 { "a scalar has no components".to_owned() } else { format!("needs {rank}") };
@@ -157,7 +165,7 @@ impl Builder<'_> {
                 Some(i) => {
                     let Argument::Expr(text) = arg else { return None };
                     let list: Vec<String> = (1..=size.min(6)).map(|k| k.to_string()).collect();
-                    let d = Diagnostic::new("E104", format!("index {i} is out of range"))
+                    let d = Diagnostic::new(Code::E104, format!("index {i} is out of range"))
                         .note("indices start at 1, as in GWFL");
                     return self.report(d, text, format!("{shape} has the components {}", list.join(", ")));
                 }
@@ -171,7 +179,7 @@ impl Builder<'_> {
         match arg {
             Argument::Slice(_) => Some(None),
             Argument::Text(_, span) => {
-                let d = Diagnostic::new("E104", "a text is no index");
+                let d = Diagnostic::new(Code::E104, "a text is no index");
                 self.diagnostics.push(d.at(*span, ""));
                 None
             }
@@ -187,7 +195,7 @@ impl Builder<'_> {
         match number {
             Some(x) if (0.0..=65_535.0).contains(&x) && x.fract() == 0.0 => Some(x as usize),
             _ => {
-                let d = Diagnostic::new("E104", format!("{what} must be a whole number known before the run"));
+                let d = Diagnostic::new(Code::E104, format!("{what} must be a whole number known before the run"));
                 self.report(d, a, number.map_or("not constant".to_owned(), |x| format!("{x}")))
             }
         }

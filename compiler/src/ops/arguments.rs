@@ -1,5 +1,6 @@
 //! Arguments of a call, checked: what every operator asks of them is told in the same words.
 
+use wfl::Code;
 use wfl::ast::{Argument, Expr};
 
 use crate::{
@@ -23,11 +24,12 @@ impl Builder<'_> {
         match &call.args[k] {
             Argument::Expr(e) => Some(e),
             Argument::Slice(_) => {
-                let d = wfl::Diagnostic::new("E105", format!("`:` is no argument of `{}`", call.name));
+                let d = wfl::Diagnostic::new(Code::E105, format!("`:` is no argument of `{}`", call.name));
                 self.report(d, call.expr, "")
             }
             Argument::Text(text, _) => {
-                let d = wfl::Diagnostic::new("E105", format!("the text \"{text}\" is no argument of `{}`", call.name));
+                let d =
+                    wfl::Diagnostic::new(Code::E105, format!("the text \"{text}\" is no argument of `{}`", call.name));
                 self.report(d, call.expr, "a number is needed here")
             }
         }
@@ -71,7 +73,7 @@ impl Builder<'_> {
             return Some(value);
         }
         let text = format!("`{}` of a {shape} is too large: {LARGEST_DETERMINANT} rows at most", call.name);
-        self.report(wfl::Diagnostic::new("E110", text), call.expr, shape.to_string())
+        self.report(wfl::Diagnostic::new(Code::E110, text), call.expr, shape.to_string())
     }
 
     pub(crate) fn bad_argument<T>(
@@ -83,7 +85,7 @@ impl Builder<'_> {
         found: Shape,
     ) -> Option<T> {
         let place = if call.args.len() > 1 { format!(" as argument {}", k + 1) } else { String::new() };
-        let d = wfl::Diagnostic::new("E108", format!("`{}` needs {needs}{place}, found a {found}", call.name));
+        let d = wfl::Diagnostic::new(Code::E108, format!("`{}` needs {needs}{place}, found a {found}", call.name));
         self.report(d, text, found.to_string())
     }
 }

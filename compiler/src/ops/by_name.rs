@@ -3,7 +3,7 @@
 //! The function is differentiated as a formula of free symbols, so what stands in the call does not matter: numbers,
 //! the same expression twice, or a vector (entry by entry). At a kink it is the derivative of the branch taken.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic, Span, ast::ExprKind};
 
 use crate::{
     build::{Builder, Call},
@@ -29,9 +29,17 @@ pub(crate) fn derivative_of(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId>
     let (which, function) = parts(c.name)?;
     let Some((op, formula)) = find(function).and_then(|op| Some((op, op.entrywise?))) else {
         let known = all().filter(|op| op.entrywise.is_some()).map(|op| op.name);
-        let text = wfl::nearest(function, known).map_or_else(String::new, |k| format!("did you mean `{k}`?"));
-        let d = Diagnostic::new("E201", format!("`{function}` is no scalar function"));
+        let near = wfl::nearest(function, known);
+        let text = near.map_or_else(String::new, |k| format!("did you mean `{k}`?"));
+        let d = Diagnostic::new(Code::E201, format!("`{function}` is no scalar function"));
         let d = d.help("Derivative_sin(t), Derivative_2_pow(t, u)");
+        let d = match (near, &c.expr.kind) {
+            (Some(near), ExprKind::Call(callee, _)) => {
+                let start = callee.span.end - function.len() as u32;
+                d.replace(Span { start, ..callee.span }, near)
+            }
+            _ => d,
+        };
         return b.report(d, c.expr, text);
     };
     if which >= op.least || c.args.len() != op.least {
@@ -52,7 +60,7 @@ pub(crate) fn derivative_of(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId>
     };
     match symbols.slope(value, which) {
         Ok(slope) if symbols.graph.is_zero(slope) => {
-            let d = Diagnostic::new("E111", format!("`{function}` has no derivative"));
+            let d = Diagnostic::new(Code::E111, format!("`{function}` has no derivative"));
             b.report(d, c.expr, "it is 0 wherever it exists")
         }
         Ok(slope) => Some(symbols.copy(slope, &mut b.graph, &values)),
@@ -62,8 +70,10 @@ pub(crate) fn derivative_of(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId>
 
 fn wrong_count(b: &mut Builder<'_>, c: &Call<'_>, op: &OpDef) -> Option<ExprId> {
     let plural = if op.least == 1 { "" } else { "s" };
-    let d =
-        Diagnostic::new("E105", format!("`{}` takes {} argument{plural}, {} given", op.name, op.least, c.args.len()));
+    let d = Diagnostic::new(
+        Code::E105,
+        format!("`{}` takes {} argument{plural}, {} given", op.name, op.least, c.args.len()),
+    );
     b.report(d, c.expr, op.usage)
 }
 

@@ -1,7 +1,7 @@
 //! Operators on fields and places: other sides, symbolic derivatives, sizes, printing.
 
 use wfl::{
-    Diagnostic,
+    Code, Diagnostic,
     ast::{Expr, ExprKind},
 };
 
@@ -33,8 +33,8 @@ pub(super) fn divergence(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
 /// `Rate(e)`: the argument is built again with the values at the end of the previous step.
 pub(super) fn rate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     if b.env.step_variable.is_none() {
-        let d = Diagnostic::new("E206", "`Rate` needs a `steps` statement: without steps there is no past");
-        return b.report(d.about("steps").help("steps t = 0 to 1 by 0.1"), c.expr, "");
+        let d = Diagnostic::new(Code::E206, "`Rate` needs a `steps` statement: without steps there is no past");
+        return b.report(d.about("steps").missing("steps t = 0 to 1 by 0.1"), c.expr, "");
     }
     if b.in_the_past {
         return b.not_in_the_past(c.expr, "Rate");
@@ -76,7 +76,7 @@ fn field_argument(b: &mut Builder<'_>, c: &Call<'_>, k: usize) -> Option<FieldId
     if found.is_some() {
         return found;
     }
-    let d = Diagnostic::new("E106", format!("`{}` needs a field name here", c.name));
+    let d = Diagnostic::new(Code::E106, format!("`{}` needs a field name here", c.name));
     b.report(d, text, "not a field")
 }
 
@@ -92,7 +92,7 @@ pub(super) fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
             if mapping.has_normal {
                 return Some(b.graph.leaf(Leaf::Normal(Side::There)));
             }
-            let d = Diagnostic::new("E204", format!("the images of `{}` have no `Normal`", mapping.name));
+            let d = Diagnostic::new(Code::E204, format!("the images of `{}` have no `Normal`", mapping.name));
             let text = mapping.description.clone();
             b.report(d.help("project and raytrace give points of faces"), word, text)
         }
@@ -100,7 +100,7 @@ pub(super) fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
             if b.env.mappings[m].moves.is_some()
                 && matches!(n.as_str(), "element_size" | "element_K" | "element_B") =>
         {
-            let d = Diagnostic::new("E111", format!("`{n}` at an image that moves has no derivative"));
+            let d = Diagnostic::new(Code::E111, format!("`{n}` at an image that moves has no derivative"));
             b.report(d.help("write a `param`, or the size of the cells of this side"), word, "it jumps between cells")
         }
         (ExprKind::Name(n), _)
@@ -110,7 +110,7 @@ pub(super) fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
         }
         (ExprKind::Name(n), _) => b.field_word(word, n, Side::There),
         _ => {
-            let d = Diagnostic::new("E106", "`Interpolate` takes a field, its gradient or its test function");
+            let d = Diagnostic::new(Code::E106, "`Interpolate` takes a field, its gradient or its test function");
             b.report(d, word, "an expression cannot be moved: apply `Interpolate` to the fields in it")
         }
     }
@@ -119,7 +119,7 @@ pub(super) fn interpolate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
 /// The other place that a mapping names: `None` for the neighbour, else the mapping. All calls of a term reach one.
 fn reach(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Option<Option<usize>> {
     let ExprKind::Name(name) = &target.kind else {
-        let d = Diagnostic::new("E106", format!("the {which} argument of `{}` is the name of a mapping", c.name));
+        let d = Diagnostic::new(Code::E106, format!("the {which} argument of `{}` is the name of a mapping", c.name));
         return b.report(d, target, "");
     };
     let found = if matches!(name.as_str(), "neighbor_element" | "neighbour_elt") {
@@ -127,16 +127,16 @@ fn reach(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Optio
         None
     } else if let Some(m) = b.env.mappings.iter().position(|m| m.name == *name) {
         if b.place.kind == PlaceKind::Global {
-            let d = Diagnostic::new("E203", format!("`{name}` has nothing to map here"));
+            let d = Diagnostic::new(Code::E203, format!("`{name}` has nothing to map here"));
             return b.report(d, c.expr, format!("needs points; `{}` is {}", b.place.name, b.place.description));
         }
         Some(m)
     } else {
-        let d = Diagnostic::new("E201", format!("unknown mapping `{name}`")).about(name);
+        let d = Diagnostic::new(Code::E201, format!("unknown mapping `{name}`")).about(name);
         return b.report(d, target, "a `mapping` of the scene, or `neighbor_element`, the other side of an interface");
     };
     if *b.reached.get_or_insert(found) != found {
-        let d = Diagnostic::new("E215", "one term has two mappings")
+        let d = Diagnostic::new(Code::E215, "one term has two mappings")
             .help("write one term for each mapping: the terms of a scene are added");
         return b.report(d, target, "the others in this term have another mapping");
     }
@@ -148,7 +148,7 @@ fn reach(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Optio
 /// `neighbor_element` needs two sides.
 fn on_interface(b: &mut Builder<'_>, c: &Call<'_>) -> Option<()> {
     if b.place.kind != PlaceKind::Interface {
-        let d = Diagnostic::new("E203", "`neighbor_element` has no neighbour here");
+        let d = Diagnostic::new(Code::E203, "`neighbor_element` has no neighbour here");
         let d = d.help(match b.place.inside {
             true => format!("an interface has two sides: region two_sided = interface along {}", b.place.name),
             false => "an interface region has two sides: region fault = interface from left to right".to_owned(),
@@ -171,7 +171,7 @@ pub(super) fn interpolate_filter(b: &mut Builder<'_>, c: &Call<'_>) -> Option<Ex
         }
     };
     if code != 1 && b.graph.moves.is_some() {
-        let d = Diagnostic::new("E106", "of a mapping that moves `Interpolate_filter` knows the code 1 alone");
+        let d = Diagnostic::new(Code::E106, "of a mapping that moves `Interpolate_filter` knows the code 1 alone");
         let d = d.help("what acts everywhere is a term of its own that does not read the mapping");
         return b.report(d, c.expr, "1 is: where there is an image");
     }
@@ -183,12 +183,12 @@ pub(super) fn diff(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let (text, value) = b.argument(c, 0)?;
     let variable = b.argument_text(c, 1)?;
     let ExprKind::Name(name) = &variable.kind else {
-        let d = Diagnostic::new("E106", "the second argument of `Diff` is the name of a field");
+        let d = Diagnostic::new(Code::E106, "the second argument of `Diff` is the name of a field");
         return b.report(d, variable, "");
     };
     let field = field_argument(b, c, 1)?;
     if b.reads_moving_image(value) {
-        let d = Diagnostic::new("E111", "`Diff` does not reach through a mapping that moves")
+        let d = Diagnostic::new(Code::E111, "`Diff` does not reach through a mapping that moves")
             .help("write the derivative: of a gap it is the jump of the test functions along the normal");
         return b.report(d, text, "the tangent would need second variations of the image");
     }
@@ -199,7 +199,7 @@ pub(super) fn diff(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
             return b.bad_argument(c, 2, dt, &format!("a {needed} like `{name}`"), found);
         }
     } else if !b.env.fields[field.index()].is_unknown() {
-        let d = Diagnostic::new("E304", format!("`{name}` has no test function: give a direction"))
+        let d = Diagnostic::new(Code::E304, format!("`{name}` has no test function: give a direction"))
             .help(format!("Diff(e, {name}, direction)"));
         return b.report(d, variable, "");
     }
@@ -218,7 +218,7 @@ pub(super) fn diff(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
         _ => None,
     });
     if other_side {
-        let d = Diagnostic::new("E111", "`Diff` in a direction does not reach through `Interpolate`")
+        let d = Diagnostic::new(Code::E111, "`Diff` in a direction does not reach through `Interpolate`")
             .help("use the field alone as direction, Diff(e, u), or write the derivative");
         return b.report(d, text, "");
     }

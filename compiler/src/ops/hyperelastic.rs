@@ -7,7 +7,7 @@
 //! `Plane_Strain_` puts a 2 by 2 gradient into three dimensions with no strain across.
 //! Saint-Venant-Kirchhoff is written in the strain E, not in invariants: near rest its energy would lose every digit.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 
 use crate::{
     build::{Builder, Call},
@@ -111,7 +111,7 @@ pub(super) fn law_of_gradient(
     };
     if shape.size(0) != size {
         let text = b.argument_text(c, 0)?;
-        let d = Diagnostic::new("E108", format!("`{}` needs a matrix({size},{size}), found a {shape}", c.name));
+        let d = Diagnostic::new(Code::E108, format!("`{}` needs a matrix({size},{size}), found a {shape}", c.name));
         let d = match (plane, shape.size(0)) {
             (false, 2) => d.help(format!("in two dimensions: Plane_Strain_{}", c.name)),
             (true, 3) => d.help(format!("in three dimensions: {}", c.name.trim_start_matches("Plane_Strain_"))),

@@ -1,6 +1,6 @@
 //! Projections and the operators of contact.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 
 use crate::{
     build::{Builder, Call},
@@ -60,7 +60,8 @@ pub(super) fn coulomb(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let (text, f) = b.plain_argument(c, 4)?;
     let coefficients = b.graph.shape(f).len();
     if b.graph.shape(f).rank() > 1 || coefficients > 3 {
-        let d = Diagnostic::new("E108", "the friction coefficients are 1 to 3 numbers: [f1], [f1; f2] or [f1; f2; f3]");
+        let d =
+            Diagnostic::new(Code::E108, "the friction coefficients are 1 to 3 numbers: [f1], [f1; f2] or [f1; f2; f3]");
         return b.report(d, text, b.graph.shape(f).to_string());
     }
     let r = b.scalar_argument(c, 5)?;

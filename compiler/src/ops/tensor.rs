@@ -1,6 +1,6 @@
 //! Tensor functions: linear re-indexing (test functions allowed) and invariants of matrices.
 
-use wfl::{Diagnostic, ast::Expr};
+use wfl::{Code, Diagnostic, ast::Expr};
 
 use crate::{
     build::{Builder, Call},
@@ -14,7 +14,7 @@ pub(super) fn identity(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let text = b.argument_text(c, 0)?;
     let n = b.whole_number(text, "the size of `Id`")?;
     if n == 0 || n > 100 {
-        let d = Diagnostic::new("E108", "the size of `Id` is 1 to 100");
+        let d = Diagnostic::new(Code::E108, "the size of `Id` is 1 to 100");
         return b.report(d, text, n.to_string());
     }
     Some(if n == 1 { b.graph.number(1.0) } else { b.graph.identity(n) })
@@ -114,12 +114,12 @@ pub(super) fn reshape(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     }
     let found = b.graph.shape(t);
     let Some(shape) = Shape::new(&sizes) else {
-        let d = Diagnostic::new("E110", format!("a tensor has {MAX_RANK} indices at most, each of size 1 or more"));
+        let d = Diagnostic::new(Code::E110, format!("a tensor has {MAX_RANK} indices at most, each of size 1 or more"));
         return b.report(d, c.expr, "");
     };
     if shape.len() != found.len() {
         let d = Diagnostic::new(
-            "E108",
+            Code::E108,
             format!("`Reshape` keeps the number of entries: {} asked, {} there", shape.len(), found.len()),
         );
         return b.report(d, text, found.to_string());
@@ -141,7 +141,7 @@ fn indices<const N: usize>(
         let text = b.argument_text(c, k)?;
         let i = b.whole_number(text, "an index")?;
         if i < 1 || i > shape.rank() {
-            let d = Diagnostic::new("E104", format!("index {i} is out of range"));
+            let d = Diagnostic::new(Code::E104, format!("index {i} is out of range"));
             let d = b.at(d, text, format!("a {shape} has {} indices", shape.rank()));
             return b.report(d, whole, "");
         }
@@ -156,7 +156,7 @@ pub(super) fn contract(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
         if x == y {
             return Some(());
         }
-        let d = Diagnostic::new("E108", format!("`Contract` needs indices of equal size, found {x} and {y}"));
+        let d = Diagnostic::new(Code::E108, format!("`Contract` needs indices of equal size, found {x} and {y}"));
         b.report(d, c.expr, "")
     };
     let sa = b.graph.shape(a);
@@ -164,7 +164,7 @@ pub(super) fn contract(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
         3 => {
             let [i, j] = indices(b, c, a, [1, 2], ta)?;
             if i == j {
-                let d = Diagnostic::new("E104", "`Contract` needs two different indices");
+                let d = Diagnostic::new(Code::E104, "`Contract` needs two different indices");
                 return b.report(d, c.expr, "");
             }
             fits(b, sa.size(i), sa.size(j))?;
@@ -189,7 +189,7 @@ pub(super) fn contract(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
             Some(b.graph.contract(a, other, &[(i, k), (j, l)]))
         }
         n => {
-            let d = Diagnostic::new("E105", format!("`Contract` takes 3, 4 or 6 arguments, {n} given"));
+            let d = Diagnostic::new(Code::E105, format!("`Contract` takes 3, 4 or 6 arguments, {n} given"));
             b.report(d, c.expr, "Contract(A, i, j), Contract(A, i, B, j) or Contract(A, i, j, B, k, l)")
         }
     }
@@ -199,12 +199,12 @@ pub(super) fn contract(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
 fn two_factors(b: &mut Builder<'_>, c: &Call<'_>, a: ExprId, other: ExprId) -> Option<()> {
     let (x, y) = (b.graph.arity(a), b.graph.arity(other));
     if (x.test && y.test) || (x.trial && y.trial) {
-        let d = Diagnostic::new("E301", "a term must be linear in the test functions");
+        let d = Diagnostic::new(Code::E301, "a term must be linear in the test functions");
         return b.report(d, c.expr, "two test functions in one product");
     }
     let taken = if c.args.len() == 6 { 4 } else { 2 };
     if b.graph.shape(a).rank() + b.graph.shape(other).rank() - taken > MAX_RANK {
-        let d = Diagnostic::new("E110", format!("a tensor has {MAX_RANK} indices at most"));
+        let d = Diagnostic::new(Code::E110, format!("a tensor has {MAX_RANK} indices at most"));
         return b.report(d, c.expr, "");
     }
     Some(())

@@ -34,7 +34,7 @@ pub(crate) fn explain(args: &ExplainArgs) -> ExitCode {
         let near = nearest(
             code,
             codes()
-                .map(|p| p.code)
+                .map(|p| p.code.as_str())
                 .chain(functions().map(|op| op.name))
                 .chain(macros)
                 .chain(phrases().iter().map(|p| p.word))

@@ -2,7 +2,7 @@
 
 use std::{path::PathBuf, time::Instant};
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_runtime::{Outcome, RunError, RunOptions, Scene, output::check_name, place_of_moving};
 use wfl_tasks::{
     Loaded, VERSION,
@@ -47,7 +47,7 @@ impl Ready {
     pub(crate) fn announce(&self, loaded: &Loaded, scene: &Scene) {
         if self.loudness == Loudness::Quiet {
             // what says that a result may be wrong is told always
-            let of_results = |d: &&Diagnostic| !d.code.starts_with(ABOUT_THE_TEXT);
+            let of_results = |d: &&Diagnostic| !d.code.as_str().starts_with(ABOUT_THE_TEXT);
             let told: Vec<Diagnostic> = loaded.messages.iter().filter(of_results).cloned().collect();
             print_all(&told, &loaded.sources);
         } else {
@@ -71,7 +71,7 @@ impl Ready {
 /// Checks what there is to check before a run; the seconds that it takes.
 pub(crate) fn checked(args: &RunArgs, loaded: &mut Loaded, scene: &Scene) -> Result<f64, String> {
     if args.backend.library().is_some() && scene.system.has_moving_images() {
-        let d = Diagnostic::new("E802", "a mapping that moves needs the solvers of this program");
+        let d = Diagnostic::new(Code::E802, "a mapping that moves needs the solvers of this program");
         let d = d.help("leave --backend out, and mpirun");
         loaded.messages.push(match place_of_moving(&loaded.script) {
             Some(span) => d.at(span, "the matrix follows its images"),
@@ -83,7 +83,7 @@ pub(crate) fn checked(args: &RunArgs, loaded: &mut Loaded, scene: &Scene) -> Res
     let begin = Instant::now();
     let found = before_run(loaded, scene);
     let check_seconds = begin.elapsed().as_secs_f64();
-    let refused = args.strict && found.iter().any(|d| d.code == "W503");
+    let refused = args.strict && found.iter().any(|d| d.code == Code::W503);
     loaded.messages.extend(found);
     if refused {
         print_all(&loaded.messages, &loaded.sources);

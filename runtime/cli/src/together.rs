@@ -1,6 +1,6 @@
 //! What a command line asks of a run that does not go together.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_runtime::{
     Scene,
     accuracy::MESH_FILE,
@@ -31,7 +31,7 @@ pub(crate) fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
     if scene.system.has_moving_images()
         && let Some(span) = place_of_moving(&loaded.script)
     {
-        let d = Diagnostic::new("E802", "no accuracy is estimated where a mapping moves");
+        let d = Diagnostic::new(Code::E802, "no accuracy is estimated where a mapping moves");
         let d = d.at(span, "its images follow the bodies").help("compare runs on two meshes: wfl sweep");
         print_all(&[d], &loaded.sources);
         return false;

@@ -5,7 +5,7 @@
 //! residuals pass [`crate::system::System::residual`], which refuses them. Does not decide what a run does then.
 
 use thiserror::Error;
-use wfl::{Diagnostic, SourceId, Span, ast::Expansions};
+use wfl::{Code, Diagnostic, SourceId, Span, ast::Expansions};
 use wfl_compiler::{NonFinite, locate};
 use wfl_host::team::Team;
 pub use wfl_sparse::norm::largest;
@@ -67,7 +67,7 @@ impl BadGiven {
     pub fn diagnostic(&self, expansions: &Expansions, time: Option<f64>) -> Diagnostic {
         let step = time.map_or(String::new(), |t| format!(", step t = {t}"));
         let at = format!("at position {}{step}", position(self.at.position));
-        let d = Diagnostic::new("E610", format!("{} is {}", self.what, word(self.at.value)));
+        let d = Diagnostic::new(Code::E610, format!("{} is {}", self.what, word(self.at.value)));
         told(d, self.at.cause.as_deref(), &at, expansions, Some((self.span, self.at.value)))
     }
 }
@@ -89,7 +89,8 @@ impl BadMeasure {
     /// E611 at the operation that made the value, or at the expression; `time` is the step variable.
     #[must_use]
     pub fn diagnostic(&self, expansions: &Expansions, time: f64) -> Diagnostic {
-        let d = Diagnostic::new("E611", format!("the measure `{}` is {} at t = {time}", self.name, word(self.value)));
+        let d =
+            Diagnostic::new(Code::E611, format!("the measure `{}` is {} at t = {time}", self.name, word(self.value)));
         match &self.at {
             Some(at) => {
                 let place = format!("at position {}", position(at.position));
@@ -155,7 +156,7 @@ pub fn told(
             }
         }
     });
-    let d = if outside.is_some() { Diagnostic { code: "E447", ..d } } else { d };
+    let d = if outside.is_some() { Diagnostic { code: Code::E447, ..d } } else { d };
     match (cause.and_then(|c| c.origin), text, given) {
         (Some(origin), Some(text), _) => locate(d, origin, expansions, text),
         (None, _, Some((span, value))) => d.at(span, format!("this is {value} {at}")),

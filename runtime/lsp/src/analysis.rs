@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use wfl::{Diagnostic, ResolvedScript, SourceId, SourceMap, Span};
+use wfl::{Code, Diagnostic, ResolvedScript, SourceId, SourceMap, Span};
 use wfl_compiler::{About, about};
 use wfl_runtime::{Sketch, messages_without_mesh, without_auto};
 use wfl_tasks::scene_file::{OpenTexts, plain_path, read_open_scene};
@@ -91,7 +91,7 @@ impl Analysis {
         messages.extend(messages_without_mesh(&loaded.script, dim));
         if messages.iter().any(Diagnostic::is_error) {
             // what a broken statement would have used is no leftover
-            messages.retain(|d| d.code != "W702");
+            messages.retain(|d| d.code != Code::W702);
         }
         let script = without_auto(&loaded.script);
         let dim = Sketch::new(&script, dim).map(|s| s.env().dim);

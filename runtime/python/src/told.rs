@@ -65,7 +65,7 @@ pub(crate) fn all(diagnostics: &[Diagnostic], sources: &SourceMap) -> Vec<Told> 
     let mut list: Vec<Told> = told.iter().map(|d| Told::diagnostic(d, sources)).collect();
     for (code, more) in more {
         let rendered = format!("{more} more messages with the code {code}\n");
-        list.push(Told { code: code.to_owned(), text: rendered.trim_end().to_owned(), rendered, ..Told::default() });
+        list.push(Told { code: code.to_string(), text: rendered.trim_end().to_owned(), rendered, ..Told::default() });
     }
     list
 }

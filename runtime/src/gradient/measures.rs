@@ -4,7 +4,7 @@
 //! An integral has the weights of its rule, a mean those over the size of its region. The largest value is that of one
 //! point, and so is its derivative; two points that share it are told.
 
-use wfl::{Diagnostic, ResolvedScript, ast::Reduction};
+use wfl::{Code, Diagnostic, ResolvedScript, ast::Reduction};
 use wfl_compiler::{
     compile_value_gradient,
     types::{FieldId, InputSlot},
@@ -60,7 +60,7 @@ pub(super) fn weighed(
             return Err(no_result(script, &wanted.measure, &names));
         };
         let steps = wanted.weights(times).map_err(|why| {
-            Box::new(Diagnostic::new("E470", format!("`{}`: {why}", wanted.name)).at(declared.span, "this measure"))
+            Box::new(Diagnostic::new(Code::E470, format!("`{}`: {why}", wanted.name)).at(declared.span, "this measure"))
         })?;
         if let Some(rows) = scene.measures[measure].rows() {
             if scene.system.numbering.has_ties() {

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use wfl::{Diagnostic, ResolvedScript, Span};
+use wfl::{Code, Diagnostic, ResolvedScript, Span};
 use wfl_compiler::{
     Constant, KinkKind, KinkSides, backend::KernelBackend, compile_kink_sides, compile_value_kink_sides,
 };
@@ -48,7 +48,7 @@ impl NearKink {
             1 => ", and some at another step".to_owned(),
             n => format!(", and some at {n} more steps"),
         };
-        Diagnostic::new("W660", format!("{points} of {of} points of `{place}` {kind} at t = {time}{further}"))
+        Diagnostic::new(Code::W660, format!("{points} of {of} points of `{place}` {kind} at t = {time}{further}"))
             .at_or_note(*span, "the derivative is that of one side, and another one for changes to the other side")
             .help("differences of runs to both sides show them: wfl verify --gradient")
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use wfl::{
-    DataValue, Diagnostic, FieldKind, Measure, Param, ResolvedScript, StartKind,
+    Code, DataValue, Diagnostic, FieldKind, Measure, Param, ResolvedScript, StartKind,
     ast::{Cond, Expr, ExprKind},
     children, cond_children, each_name, split_prefixes,
 };
@@ -29,7 +29,7 @@ pub(super) fn live(script: &ResolvedScript, scene: &Scene, request: &Request) ->
             let is_data = script.fields.iter().any(|f| f.name.name == *name);
             let help =
                 if is_data { format!("a data field is written `field {name}`") } else { known(name, &names, "param") };
-            return Err(Box::new(Diagnostic::new("E470", format!("`{name}` is no param of the scene")).help(help)));
+            return Err(Box::new(Diagnostic::new(Code::E470, format!("`{name}` is no param of the scene")).help(help)));
         }
     }
     let mut found: Vec<Live> = Vec::new();

@@ -1,7 +1,7 @@
 //! What has no derivative, or none yet, each with its place and what to do.
 
 use wfl::{
-    Diagnostic, ResolvedScript, Span,
+    Code, Diagnostic, ResolvedScript, Span,
     ast::{BoxDivision, Expr, MappingKind, MeshSource, OptionItem, OptionValue, QuadratureRule, RegionExpr},
     each_word, is_auto,
 };
@@ -10,7 +10,7 @@ use super::{Differentiated, Request, request::known};
 use crate::{Scene, newton::Stop, scene::place_of_moving};
 
 /// The code of what has no derivative.
-pub const NO_DERIVATIVE: &str = "E470";
+pub const NO_DERIVATIVE: Code = Code::E470;
 
 fn message(text: impl Into<String>) -> Diagnostic {
     Diagnostic::new(NO_DERIVATIVE, text)

@@ -2,7 +2,7 @@
 //! one that was found. Each finding is made once, as a message with its place in the scene and what helps; a terminal, a
 //! report and a binding show the same. Decides nothing about the steps.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 
 use super::{Others, PhysicsCheck, StepResult, friction};
 use crate::{
@@ -52,7 +52,7 @@ fn few_digits(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
     let text = format!("rounding alone changes it by about {:.0e} of its size", accuracy.error);
     let (field, time) = (&accuracy.field, step.time);
     (accuracy.digits() < FEW_DIGITS).then(|| {
-        Diagnostic::new("W605", format!("fewer than {FEW_DIGITS} correct digits of `{field}` at t = {time}"))
+        Diagnostic::new(Code::W605, format!("fewer than {FEW_DIGITS} correct digits of `{field}` at t = {time}"))
             .at_or_note(scene.place_of_field(field), text)
     })
 }
@@ -61,7 +61,7 @@ fn few_digits(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
 fn displaced(steps: &[StepResult]) -> Option<Diagnostic> {
     let step = steps.iter().find(|s| s.history.displaced)?;
     let text = format!("at t = {} the tangent is singular at zero: started from a displaced state", step.time);
-    Some(Diagnostic::new("W607", text))
+    Some(Diagnostic::new(Code::W607, text))
 }
 
 /// W606.
@@ -73,7 +73,7 @@ fn of_check(scene: &Scene, time: f64, check: &PhysicsCheck) -> Diagnostic {
         About::Field(field) => scene.place_of_field(field),
         About::Term(term) => scene.place_of_term(term),
     };
-    Diagnostic::new("W606", text).at_or_note(place, detail)
+    Diagnostic::new(Code::W606, text).at_or_note(place, detail)
 }
 
 /// By term the first step in which cells turned inside out.
@@ -95,7 +95,7 @@ fn of_turned(scene: &Scene, time: f64, cells: &TurnedCells) -> Diagnostic {
         position(volumes.position)
     );
     let law = "this law has a stress at negative volumes, and no body is in such a state";
-    Diagnostic::new("W616", text).at_or_note(scene.place_of_term(term), law).help(
+    Diagnostic::new(Code::W616, text).at_or_note(scene.place_of_term(term), law).help(
         "smaller load steps; a law with log(Det(Id + Grad_u)), which keeps cells from turning; smaller cells where they turn",
     )
 }
@@ -109,7 +109,9 @@ fn narrow(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnosti
             faces.some, faces.of
         );
         let rule = "size and pressures of so small a zone of contact are those of the quadrature rule";
-        Diagnostic::new("W617", text).at_or_note(scene.place_of_term(term), rule).help("smaller faces there resolve it")
+        Diagnostic::new(Code::W617, text)
+            .at_or_note(scene.place_of_term(term), rule)
+            .help("smaller faces there resolve it")
     })
 }
 
@@ -130,7 +132,7 @@ fn zigzags(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnost
             100.0 * size.amplitude,
             100.0 * size.area
         );
-        Diagnostic::new("W520", text)
+        Diagnostic::new(Code::W520, text)
             .at_or_note(scene.place_of_term(term), "forces and means over faces are not affected")
             .note(
                 "either contact acts at more points than the displacements can follow, or the gap varies from face to face",
@@ -143,7 +145,7 @@ fn zigzags(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnost
 /// W609: the strongest of what says that a state has others beside it.
 fn several(steps: &[StepResult]) -> Option<Diagnostic> {
     let first = |others: Others| steps.iter().find(|s| s.others == others);
-    let told = |text: String, why: &str| Some(Diagnostic::new("W609", text).note(why));
+    let told = |text: String, why: &str| Some(Diagnostic::new(Code::W609, text).note(why));
     if let Some(step) = first(Others::Proved) {
         return told(
             format!("at t = {} the solution is not unique", step.time),
@@ -175,7 +177,7 @@ fn unstable(steps: &[StepResult]) -> Option<Diagnostic> {
     };
     let text = format!("at t = {time} the equilibrium is not stable: the energy decreases in {directions}");
     Some(
-        Diagnostic::new("W640", text)
+        Diagnostic::new(Code::W640, text)
             .note("the bodies do not stay there; a load at which they buckle or snap through lies before")
             .help("`perturb=1e-6` follows the branch that buckles"),
     )
@@ -194,7 +196,7 @@ fn laborious(steps: &[StepResult]) -> Option<Diagnostic> {
     (several && most.iterations() >= LABORIOUS * usual).then(|| {
         let text =
             format!("the step to t = {} took {} iterations, other steps about {usual}", most.time, most.iterations());
-        Diagnostic::new("W641", text)
+        Diagnostic::new(Code::W641, text)
             .note("it may have ended in another state than that which the steps before lead to")
             .help("compare its measures with those of smaller steps")
     })

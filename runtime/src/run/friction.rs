@@ -1,7 +1,7 @@
 //! Friction over the parts of a step: the energy that it takes, and points that creep. What it remembers stays with the run
 //! as states do. Makes findings of it; decides nothing about the steps.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 
 use super::StepResult;
 use crate::{
@@ -89,7 +89,7 @@ fn energy_back(steps: &[StepResult]) -> Option<Diagnostic> {
             let text = format!(
                 "by t = {time} friction has returned the energy {back:.3e} of {high:.3e} that it had dissipated"
             );
-            let d = Diagnostic::new("W615", text).note("a law for the total slip has no memory");
+            let d = Diagnostic::new(Code::W615, text).note("a law for the total slip has no memory");
             return Some(d.help(IN_A_STATE));
         }
     }
@@ -108,7 +108,7 @@ fn creep(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
          with each step also where loads stay",
         finite::position(*position)
     );
-    let d = Diagnostic::new("W630", format!("from t = {first} on friction in `{term}` forgets where points stick"));
+    let d = Diagnostic::new(Code::W630, format!("from t = {first} on friction in `{term}` forgets where points stick"));
     let d = d.at_or_note(scene.place_of_term(term), text);
     Some(d.note("a law for the change of the slip since the last step loses its elastic part").help(IN_A_STATE))
 }
@@ -131,7 +131,7 @@ fn slid(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnostic>
         );
         let message =
             format!("at t = {first} points of `{term}` that press have slid by more than a face of the other side");
-        Diagnostic::new("W631", message)
+        Diagnostic::new(Code::W631, message)
             .at_or_note(scene.place_of_term(term), text)
             .note(
                 "points are paired once, on the initial mesh: forces stay on the faces where they were, also where the \

@@ -6,7 +6,7 @@
 //! exponentially by the same factor in both quarters of it. What is given (loads, prescribed values) may grow by as much. Known
 //! are single numbers of each step; nothing is evaluated but loads that follow the steps.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_compiler::{
     Class,
     types::{FieldKind, InputSlot},
@@ -112,7 +112,7 @@ impl Growth {
                     last.time
                 );
                 let name = &system.fields[field].name;
-                Diagnostic::new("W647", format!("`{name}` grows without end"))
+                Diagnostic::new(Code::W647, format!("`{name}` grows without end"))
                     .at_or_note(scene.place_of_field(name), text)
                     .note(
                         "that is how a wrong sign grows: of a rate, of one of two couplings, or of a term that should \

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_compiler::{
     KinkKind, TermLaw,
     types::{FieldKind, InputSlot},
@@ -99,7 +99,7 @@ pub(super) fn lost<'s>(
             energy.limit
         );
         let help = "smaller steps show whether the steps or a term are the cause";
-        return Some(Diagnostic::new("W620", text).help(help));
+        return Some(Diagnostic::new(Code::W620, text).help(help));
     }
     let works = energy.terms.iter().zip(balance?.unreturned()).filter(|(name, _)| has_a_potential(scene, name));
     let (name, value) = works.max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -112,7 +112,7 @@ pub(super) fn lost<'s>(
         );
         let why = "contact begins and ends within steps that are too long for it, which the balance of the steps does not \
                    show";
-        let d = Diagnostic::new("W620", text).at_or_note(scene.place_of_term(name), why);
+        let d = Diagnostic::new(Code::W620, text).at_or_note(scene.place_of_term(name), why);
         d.help("smaller steps, or a softer contact")
     })
 }

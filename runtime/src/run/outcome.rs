@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 
 use super::{
     Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult, Trajectory,
@@ -122,7 +122,7 @@ impl Run {
         let mut warnings = findings::of_steps(scene, &self.steps);
         let solved = |s: &&StepResult| s.history.converged() && s.history.stop != Some(Stop::Given);
         warnings.extend(self.watched.told(scene, &self.u, self.steps.iter().filter(solved).count()));
-        warnings.extend(self.bad.iter().map(|bad| Diagnostic::new("W610", bad.text())));
+        warnings.extend(self.bad.iter().map(|bad| Diagnostic::new(Code::W610, bad.text())));
         let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
         let balance = self.stepper.balance.as_ref();
         warnings.extend(lost(scene, balance, measured));
@@ -179,7 +179,7 @@ impl Run {
             "the error of {count} steps is larger than the demanded {:e}, the first at t = {}",
             rules.error, first.time
         );
-        Some(Diagnostic::new("W618", text).note(format!("an increment is at least {:e}", rules.least)))
+        Some(Diagnostic::new(Code::W618, text).note(format!("an increment is at least {:e}", rules.least)))
     }
 
     /// W618 for a run whose steps are too few for an estimate of their error.
@@ -189,7 +189,7 @@ impl Run {
         let count = self.steps.len().checked_sub(1).filter(|n| (1..FEWEST).contains(n))?;
         let steps = if count == 1 { "1 step".to_owned() } else { format!("{count} steps") };
         let text = format!("the run made {steps}, the first of {:e}: the error of none is known", rules.first);
-        let d = Diagnostic::new("W618", text).note(format!("an estimate needs {FEWEST} steps"));
+        let d = Diagnostic::new(Code::W618, text).note(format!("an estimate needs {FEWEST} steps"));
         Some(d.help("a smaller `first`, well below the shortest time of the scene"))
     }
 
@@ -207,7 +207,7 @@ impl Run {
             first.time
         );
         let so = format!("there it limited nothing, and an increment was at most {:e}", rules.most);
-        Some(Diagnostic::new("W619", text).note(so))
+        Some(Diagnostic::new(Code::W619, text).note(so))
     }
 }
 

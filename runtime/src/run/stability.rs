@@ -4,7 +4,7 @@
 //! looked at when the branches of their terms change, or have none, and not more often than costs a tenth of the steps: in
 //! evaluations of the residual, so that it is decided alike on all ranks. Promises: changes nothing of a run.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_compiler::Class;
 
 use super::rates::StepTime;
@@ -99,7 +99,7 @@ impl Stability {
             )
         };
         Some(
-            Diagnostic::new("W621", text)
+            Diagnostic::new(Code::W621, text)
                 .note("a contact has closed or a body stiffened since the start")
                 .note(so)
                 .help("a smaller `fraction`, or shorter steps"),

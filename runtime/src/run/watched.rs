@@ -4,7 +4,7 @@
 //! Each is told once. Promises: changes nothing of a run; where some steps were those of another process, what needs all of
 //! them is not told.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 
 use super::growth::Growth;
 use crate::{
@@ -69,7 +69,7 @@ impl WatchedImages {
         let lost = self.lost.iter().map(|(time, term, [lost, all])| {
             let name = name(*term);
             let text = format!("at t = {time} {lost} of {all} points of `{name}` lost their image while they pressed");
-            Diagnostic::new("W632", text)
+            Diagnostic::new(Code::W632, text)
                 .at_or_note(
                     scene.place_of_term(name),
                     "their rays no longer meet the other body, at its edge or beyond `within`",
@@ -81,13 +81,13 @@ impl WatchedImages {
             let name = name(images.term);
             let text = "its rays, along the normal of the current faces, never met the other body from the front and within \
                         the distance of `within`";
-            Diagnostic::new("W632", format!("no point of `{name}` had an image in any step"))
+            Diagnostic::new(Code::W632, format!("no point of `{name}` had an image in any step"))
                 .at_or_note(scene.place_of_term(name), text)
         });
         let inside = self.inside.iter().map(|(time, term, [inside, all])| {
             let name = name(*term);
             let text = format!("at t = {time} {inside} of {all} points of `{name}` are inside the other body without a force");
-            Diagnostic::new("W670", text)
+            Diagnostic::new(Code::W670, text)
                 .at_or_note(
                     scene.place_of_term(name),
                     "its surface is behind them, further than `within`, and the result is no state of contact",
@@ -163,7 +163,7 @@ fn strained(scene: &Scene, time: f64, found: &LargeStrain) -> Diagnostic {
         String::new()
     };
     let text = format!("at t = {time} `{field}` has a strain of {strain:.3e} at {}{moved}", position(*at));
-    Diagnostic::new("W645", text)
+    Diagnostic::new(Code::W645, text)
         .at_or_note(scene.place_of_field(field), "its law is one of small strains, and says nothing there")
         .note("a load beyond what the body bears, or a unit or power of ten in a load or a modulus")
         .help("bodies that are meant to deform so much need a law of finite strain")
@@ -173,7 +173,7 @@ fn strained(scene: &Scene, time: f64, found: &LargeStrain) -> Diagnostic {
 fn far_apart(scene: &Scene, found: &DistantContact) -> Diagnostic {
     let DistantContact { name, from, nearest, .. } = found;
     let text = format!("its sides are {from:.3e} apart without displacement, and were never nearer than {nearest:.3e}");
-    Diagnostic::new("W646", format!("the contact `{name}` never closes"))
+    Diagnostic::new(Code::W646, format!("the contact `{name}` never closes"))
         .at_or_note(scene.place_of_term(name), text)
         .note("a distance or a direction of the load with the wrong sign, or a contact that this scene does not need")
 }
@@ -185,7 +185,7 @@ fn locked_bending(scene: &Scene, found: &checks::LockedBending) -> Diagnostic {
          too small by about that part",
         100.0 * found.share
     );
-    Diagnostic::new("W648", format!("`{}` bends on elements of degree 1 that do not bend", found.field))
+    Diagnostic::new(Code::W648, format!("`{}` bends on elements of degree 1 that do not bend", found.field))
         .at_or_note(scene.place_of_field(&found.field), text)
         .help("elements of degree 2 (vector Q2 or P2), or cells that are no longer than a quarter of the thickness")
 }
@@ -207,7 +207,7 @@ fn alternates(scene: &Scene, time: f64, found: &Alternating) -> Diagnostic {
         (false, false) => "nothing spreads a jump of it: smaller cells there".to_owned(),
     };
     let text = format!("around {}, by {:.0} % of its range", position(*at), 100.0 * share);
-    Diagnostic::new("W649", format!("at t = {time} `{field}` alternates from node to node"))
+    Diagnostic::new(Code::W649, format!("at t = {time} `{field}` alternates from node to node"))
         .at_or_note(scene.place_of_field(field), text)
         .help(cure)
 }

@@ -3,7 +3,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use wfl::{Diagnostic, Span};
+use wfl::{Code, Diagnostic, Span};
 use wfl_compiler::{
     Class, TermLaw,
     backend::{KernelBackend, PointKernel},
@@ -96,7 +96,7 @@ impl Builder<'_> {
                     );
                 }
                 Err(e) => {
-                    self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(placed.span, ""));
+                    self.diagnostics.push(Diagnostic::new(Code::E202, e.to_string()).at(placed.span, ""));
                     complete = false;
                 }
             }
@@ -137,7 +137,7 @@ impl Builder<'_> {
         let mut compiled = match self.batch.compile(&kernels) {
             Ok(compiled) => compiled.into_iter(),
             Err(e) => {
-                self.diagnostics.push(Diagnostic::new("E609", e.to_string()));
+                self.diagnostics.push(Diagnostic::new(Code::E609, e.to_string()));
                 return None;
             }
         };
@@ -166,14 +166,14 @@ impl Builder<'_> {
         for print in placed.prints {
             match self.print(print, &placed.law.name, &integrator.domain) {
                 Ok(made) => self.prints.push(made),
-                Err(e) => self.diagnostics.push(Diagnostic::new("E609", e)),
+                Err(e) => self.diagnostics.push(Diagnostic::new(Code::E609, e)),
             }
         }
         if let (Some(law), Some(kernels)) = (placed.frozen, kernels.frozen) {
             let frozen = Frozen { term: made.terms.len(), position: made.contact.len() };
             match self.freeze(law, kernels, &integrator.domain, frozen, numbering) {
                 Ok(contact) => made.contact.push(contact),
-                Err(e) => self.diagnostics.push(Diagnostic::new("E609", e)),
+                Err(e) => self.diagnostics.push(Diagnostic::new(Code::E609, e)),
             }
         }
         let (residual, tangent) = kernels.as_written;

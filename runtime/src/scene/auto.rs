@@ -5,7 +5,7 @@
 //! a part of the parameter does not come from the param (the hoop stress of a body of revolution changes with the
 //! displacement, too), the next value follows from the last one.
 
-use wfl::{Diagnostic, Param, ResolvedScript, ast::ExprKind};
+use wfl::{Code, Diagnostic, Param, ResolvedScript, ast::ExprKind};
 
 use super::{Prepared, Scene, With, prepare_as_written};
 use crate::contact::coercivity;
@@ -54,7 +54,7 @@ fn gammas(scene: &Scene) -> Vec<(f64, f64)> {
 }
 
 fn refused(param: &Param, why: &str) -> Prepared {
-    let d = Diagnostic::new("E417", format!("`auto` has no value for `{}`", param.name.name));
+    let d = Diagnostic::new(Code::E417, format!("`auto` has no value for `{}`", param.name.name));
     let d = d.at(param.overridden.unwrap_or(param.value.span), why).note("give the value as a number");
     Prepared { scene: None, diagnostics: vec![d] }
 }

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use wfl::{Diagnostic, ast::BalancePart};
+use wfl::{Code, Diagnostic, ast::BalancePart};
 use wfl_compiler::types::FieldKind;
 
 use super::{
@@ -107,8 +107,10 @@ impl Builder<'_> {
             let field = &self.fields[position];
             if field.n_components != 1 || field.kind != FieldKind::Unknown {
                 if first {
-                    let d =
-                        Diagnostic::new("E462", format!("`{}` is no scalar: its equations have no sum", field.name));
+                    let d = Diagnostic::new(
+                        Code::E462,
+                        format!("`{}` is no scalar: its equations have no sum", field.name),
+                    );
                     let d =
                         d.help(format!("the force that is carried: measure f = reaction({}(1)) on ...", field.name));
                     self.diagnostics.push(d.at(name.span, "a balance is one of scalar unknowns"));
@@ -165,7 +167,7 @@ pub(crate) fn unbalanced<'s>(scene: &Scene, steps: impl Iterator<Item = Ended<'s
             let text =
                 format!("at t = {time} the balance `{name}` loses {lost:.3e}, {:.1e} of what moves", part(lost, moved));
             let why = "the step has not converged to that, or points of a mapping have no image";
-            Diagnostic::new("W650", text).note(why)
+            Diagnostic::new(Code::W650, text).note(why)
         })
     };
     scene.balances.iter().filter_map(told).collect()

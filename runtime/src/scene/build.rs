@@ -9,7 +9,7 @@ use std::{
     time::Instant,
 };
 
-use wfl::{Diagnostic, ResolvedScript};
+use wfl::{Code, Diagnostic, ResolvedScript};
 use wfl_compiler::{
     Constant, Env,
     types::{FieldKind, InputSlot, UniformSlot},
@@ -111,7 +111,7 @@ fn with_its_mass(scene: &mut Scene, script: &ResolvedScript, integration: &Integ
 fn structure_error(script: &ResolvedScript, error: CsrError) -> Diagnostic {
     match (error, &script.mesh) {
         (CsrError::TooMuchMemory(need), Some(statement)) => mesh::too_much_memory(&need, statement.span),
-        (error, _) => Diagnostic::new("E412", error.to_string()),
+        (error, _) => Diagnostic::new(Code::E412, error.to_string()),
     }
 }
 
@@ -206,7 +206,7 @@ impl Builder<'_> {
 
         let begin = Instant::now();
         if let Err(e) = self.batch.finish() {
-            self.diagnostics.push(Diagnostic::new("E609", e.to_string()));
+            self.diagnostics.push(Diagnostic::new(Code::E609, e.to_string()));
         }
         let compile = compile_terms + compile_values + outputs.law_seconds + begin.elapsed().as_secs_f64();
         if self.diagnostics.iter().any(Diagnostic::is_error) {

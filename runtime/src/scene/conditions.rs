@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use wfl::{Diagnostic, ResolvedScript, ast::Cond};
+use wfl::{Code, Diagnostic, ResolvedScript, ast::Cond};
 use wfl_compiler::{Constant, Env, InterpreterBackend, backend::KernelBackend, compile_condition};
 
 use crate::{mesh::Mesh, scene::mesh::position_place, value::Value};
@@ -58,12 +58,12 @@ impl ConditionMaker<'_> {
         match Value::new(law.value?, backend) {
             Ok(v) if v.reads_positions_only() => Some(v),
             Ok(_) => {
-                let d = Diagnostic::new("E405", "a region is picked by position only");
+                let d = Diagnostic::new(Code::E405, "a region is picked by position only");
                 diagnostics.push(d.at(cond.span, ""));
                 None
             }
             Err(e) => {
-                diagnostics.push(Diagnostic::new("E609", e.to_string()).at(cond.span, ""));
+                diagnostics.push(Diagnostic::new(Code::E609, e.to_string()).at(cond.span, ""));
                 None
             }
         }
@@ -80,5 +80,5 @@ pub(super) fn holds(condition: &Value, x: [f64; 3]) -> Option<bool> {
 
 /// The message about a condition that is not a number at `x`.
 pub(super) fn not_a_number(x: [f64; 3], span: wfl::Span) -> Diagnostic {
-    Diagnostic::new("E601", format!("not a number in this condition at x = {x:?}")).at(span, "")
+    Diagnostic::new(Code::E601, format!("not a number in this condition at x = {x:?}")).at(span, "")
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use wfl::{
-    Diagnostic, ResolvedScript,
+    Code, Diagnostic, ResolvedScript,
     ast::{Domain, Expr},
 };
 use wfl_compiler::{Constant, Env, constant};
@@ -24,7 +24,7 @@ pub(super) fn parameters(
         let Some(mut value) = found.value else { continue };
         value.declared = Some(param.span);
         if let Some(bad) = value.values.iter().find(|v| !v.is_finite()) {
-            let d = Diagnostic::new("E702", format!("`{}` is not a finite number: {bad}", param.name.name));
+            let d = Diagnostic::new(Code::E702, format!("`{}` is not a finite number: {bad}", param.name.name));
             diagnostics.push(d.at(param.value.span, "must be finite"));
             continue;
         }
@@ -87,7 +87,7 @@ fn check_domain(
     };
     if !good {
         let shown: Vec<String> = value.values.iter().map(|v| short(*v)).collect();
-        let d = Diagnostic::new("E701", format!("`{}` must be {words}", param.name.name));
+        let d = Diagnostic::new(Code::E701, format!("`{}` must be {words}", param.name.name));
         diagnostics.push(match param.overridden {
             Some(given) => d.at(given, format!("declared: {}, {}", wfl::quote(param.span), wfl::line_of(param.span))),
             None => d.at(param.value.span, format!("this is {}", shown.join(", "))),
@@ -106,7 +106,7 @@ pub(super) fn numbers(env: &Env<'_>, what: &str, e: &Expr, diagnostics: &mut Vec
     diagnostics.extend(found.diagnostics);
     let value = found.value?;
     if let Some(bad) = value.values.iter().find(|v| !v.is_finite()) {
-        diagnostics.push(Diagnostic::new("E702", format!("{what} is not a finite number: {bad}")).at(e.span, ""));
+        diagnostics.push(Diagnostic::new(Code::E702, format!("{what} is not a finite number: {bad}")).at(e.span, ""));
         return None;
     }
     Some(value.values)
@@ -118,7 +118,7 @@ pub(super) fn number(env: &Env<'_>, what: &str, e: &Expr, diagnostics: &mut Vec<
     if let [one] = values.as_slice() {
         return Some(*one);
     }
-    let d = Diagnostic::new("E108", format!("{what} must be one number, found {}", values.len()));
+    let d = Diagnostic::new(Code::E108, format!("{what} must be one number, found {}", values.len()));
     diagnostics.push(wfl::at_expr(d, e, env.expansions, ""));
     None
 }

@@ -8,7 +8,7 @@ mod contradictions;
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{
-    Diagnostic, Span,
+    Code, Diagnostic, Span,
     ast::{Expr, Target, TargetPart},
     at_expr,
 };
@@ -362,7 +362,7 @@ impl ConstraintMaker<'_> {
         };
         // a part of the mesh may have none of them
         if nodes.is_empty() && self.parts.mesh.is_whole() {
-            let d = Diagnostic::new("E401", format!("`fix {}` meets no node of `{}`", field.name, field.name));
+            let d = Diagnostic::new(Code::E401, format!("`fix {}` meets no node of `{}`", field.name, field.name));
             let region = &self.parts.regions[&place.name];
             let text = self.elsewhere(&place.name, &region.set, &field.name);
             self.diagnostics.push(d.at(place.span, text));
@@ -413,7 +413,7 @@ impl ConstraintMaker<'_> {
         if is_on_faces && self.parts.regions.get(&place.name).is_some_and(|region| region.edges.is_some()) {
             return Some(());
         }
-        let d = Diagnostic::new("E405", format!("`{}` has nodes inside the edges of `{}`", field.name, place.name));
+        let d = Diagnostic::new(Code::E405, format!("`{}` has nodes inside the edges of `{}`", field.name, place.name));
         let text =
             "values there would stay free: of a field of a higher degree that does not live on faces, and of crossings";
         self.diagnostics.push(d.at(place.span, text).help("a region of faces at the rim, or an element of degree 1"));
@@ -452,7 +452,7 @@ impl ConstraintMaker<'_> {
     fn value(&mut self, e: &Expr, entries: usize) -> Option<Value> {
         let place = position_place(self.parts.fields.len());
         let law = compile_value(self.parts.env, &place, "a prescribed value", e);
-        self.diagnostics.extend(law.diagnostics.into_iter().map(|d| without_fields(d, "E407", POSITIONS_ONLY)));
+        self.diagnostics.extend(law.diagnostics.into_iter().map(|d| without_fields(d, Code::E407, POSITIONS_ONLY)));
         let law = law.value?;
         if let Some(d) = wrong_size(self.parts.env, e, law.shape, entries) {
             self.diagnostics.push(d);
@@ -461,11 +461,11 @@ impl ConstraintMaker<'_> {
         match Value::new(law, self.backend) {
             Ok(v) if v.reads_positions_only() => Some(v),
             Ok(_) => {
-                self.diagnostics.push(Diagnostic::new("E407", POSITIONS_ONLY).at(e.span, ""));
+                self.diagnostics.push(Diagnostic::new(Code::E407, POSITIONS_ONLY).at(e.span, ""));
                 None
             }
             Err(error) => {
-                self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, ""));
+                self.diagnostics.push(Diagnostic::new(Code::E609, error.to_string()).at(e.span, ""));
                 None
             }
         }
@@ -483,14 +483,14 @@ impl ConstraintMaker<'_> {
             RegionSet::Facets(f) => f.clone(),
             RegionSet::Interface(i) => i.iter().map(|p| p.here).collect(),
             other => {
-                let d = Diagnostic::new("E204", "`Normal` exists on faces only");
+                let d = Diagnostic::new(Code::E204, "`Normal` exists on faces only");
                 self.diagnostics.push(d.at(target.span, format!("`{}` is a region of {}", place.name, other.kind())));
                 return None;
             }
         };
         let (field, dim) = (&self.parts.fields[position], self.parts.mesh.dim());
         if field.n_components != dim {
-            let d = Diagnostic::new("E108", format!("`{}` has no normal component", field.name));
+            let d = Diagnostic::new(Code::E108, format!("`{}` has no normal component", field.name));
             let text = format!("it has {} components, space has {dim} dimensions", field.n_components);
             self.diagnostics.push(d.at(target.span, text));
             return None;
@@ -512,8 +512,8 @@ pub(super) fn wrong_size(env: &Env<'_>, e: &Expr, found: Shape, entries: usize) 
         return None;
     }
     let needed = if entries == 1 { "one value is".to_owned() } else { format!("{entries} values are") };
-    let d = Diagnostic::new("E108", format!("{needed} needed here, found a {found}"));
-    Some(at_expr(with_zeros(d, found.len(), entries), e, env.expansions, found.to_string()))
+    let d = Diagnostic::new(Code::E108, format!("{needed} needed here, found a {found}"));
+    Some(at_expr(with_zeros(d, e, found.len(), entries), e, env.expansions, found.to_string()))
 }
 
 /// Nodes this near to each other, in sizes of the mesh, stand at one place.

@@ -2,7 +2,7 @@
 //! and the word in the statement that selected the region.
 
 use wfl::{
-    Diagnostic, FieldKind, Label, ResolvedScript, Span,
+    Code, Diagnostic, FieldKind, Fix, Label, ResolvedScript, Span,
     ast::{Ident, Place},
     line_of, nearest,
 };
@@ -12,12 +12,12 @@ pub(super) fn add(script: &ResolvedScript, diagnostics: &mut [Diagnostic]) {
     let mut offers = 0;
     for d in diagnostics {
         match d.code {
-            "E201" if offers < MOST_OFFERS => {
+            Code::E201 if offers < MOST_OFFERS => {
                 offers += 1;
                 offer(script, d);
             }
-            "E202" => home(script, d),
-            "E203" | "E204" => place(script, d),
+            Code::E202 => home(script, d),
+            Code::E203 | Code::E204 => place(script, d),
             _ => {}
         }
     }
@@ -48,6 +48,8 @@ fn offer(script: &ResolvedScript, d: &mut Diagnostic) {
     let Some(near) = nearest(name, declared(script).map(|n| n.0.name.as_str())) else { return };
     let Some((ident, kind)) = declared(script).find(|n| n.0.name == near) else { return };
     label.text = format!("did you mean `{near}`, {kind} on {}?", line_of(ident.span));
+    let title = None;
+    d.fixes = d.word.map(|span| Fix::Replace { span, text: near.to_owned(), title }).into_iter().collect();
 }
 
 /// Where a field lives that does not live here.

@@ -1,6 +1,6 @@
 //! Cells without a term: a hole in the model that no equation would show.
 
-use wfl::{Diagnostic, MeshStmt, ResolvedScript, ast::OptionValue};
+use wfl::{Code, Diagnostic, MeshStmt, ResolvedScript, ast::OptionValue};
 
 use super::terms::PlacedLaw;
 use crate::mesh::{CellId, GroupEntities, Mesh, RegionSet};
@@ -21,7 +21,7 @@ pub(super) fn check(script: &ResolvedScript, mesh: &Mesh, laws: &[PlacedLaw], di
         n => format!("{n} cells of the mesh are"),
     };
     let help = "put them into a region with a term; `with idle_cells=allowed` behind the mesh leaves them out";
-    diagnostics.push(Diagnostic::new("E425", format!("{count} in no term")).at(statement.span, place).help(help));
+    diagnostics.push(Diagnostic::new(Code::E425, format!("{count} in no term")).at(statement.span, place).help(help));
 }
 
 /// What the mesh statement says about idle cells.
@@ -39,7 +39,7 @@ fn allowed(statement: &MeshStmt, diagnostics: &mut Vec<Diagnostic>) -> bool {
             ("idle_cells", "allowed") => allowed = true,
             ("idle_cells", "refused") => allowed = false,
             (name, _) => {
-                let d = Diagnostic::new("E414", format!("option `{name}` is not understood here"));
+                let d = Diagnostic::new(Code::E414, format!("option `{name}` is not understood here"));
                 diagnostics.push(d.at(option.name.span, "known: idle_cells=refused, idle_cells=allowed"));
             }
         }

@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 
 use wfl::{
-    Diagnostic, FieldKind, ResolvedScript, Span,
+    Code, Diagnostic, FieldKind, ResolvedScript, Span,
     ast::{Ident, Place, Reduction, RegionExpr},
 };
 
@@ -189,7 +189,7 @@ fn message(mesh: &Mesh, cut: &Cut, one: &str, rule: &str, span: Span) -> Diagnos
         let part = percent((cut.outside + cut.missed) / there);
         format!("this condition cuts {many}: {part} of where it holds is on its other side")
     };
-    let d = Diagnostic::new("W419", text).at(span, rule);
+    let d = Diagnostic::new(Code::W419, text).at(span, rule);
     let [taken, held] = &cut.bounds;
     let differs = |d: usize| (taken.0[d] - held.0[d]).abs().max((taken.1[d] - held.1[d]).abs());
     let axis = (0..mesh.dim()).max_by(|a, b| differs(*a).total_cmp(&differs(*b))).unwrap_or(0);

@@ -10,7 +10,7 @@ use std::{
 };
 
 use wfl::{
-    Diagnostic, ResolvedScript, Span,
+    Code, Diagnostic, ResolvedScript, Span,
     ast::{EntityKind, RegionExpr},
 };
 
@@ -38,7 +38,7 @@ pub(super) fn between(
         EntityKind::Crossings => |n| n > 2,
         EntityKind::Interior => {
             let d = Diagnostic::new(
-                "E405",
+                Code::E405,
                 "`interior` is that of the mesh: jumps between faces of a surface are not available",
             );
             let text = "a region of edges between two faces, which has no values of its own";
@@ -48,7 +48,7 @@ pub(super) fn between(
     };
     let faces_at = faces_at(mesh, faces);
     if faces_at.is_empty() {
-        let d = Diagnostic::new("E405", "on a line faces are points: they have no edges");
+        let d = Diagnostic::new(Code::E405, "on a line faces are points: they have no edges");
         return Err(d.at(span, "").help("region ends = nodes where x == 0").into());
     }
     let found = || faces_at.iter().filter(|(_, faces)| wanted(faces.len()));

@@ -8,7 +8,7 @@
 use std::collections::BTreeSet;
 
 use wfl::{
-    Diagnostic, FieldKind as Declared, StartKind,
+    Code, Diagnostic, FieldKind as Declared, StartKind,
     ast::{Ident, Place},
     split_prefixes,
 };
@@ -59,7 +59,7 @@ impl Builder<'_> {
                 let n = self.nodes_between(field, nodes);
                 if n > 0 {
                     let d = Diagnostic::new(
-                        "W416",
+                        Code::W416,
                         format!("`fix {}` leaves {n} nodes free between those it holds", field.name),
                     );
                     let text = format!("nodes of the mesh; `{}` has degree {}", field.name, field.degree());
@@ -117,8 +117,10 @@ impl Builder<'_> {
             } else {
                 continue;
             };
-            let d =
-                Diagnostic::new("W412", format!("a load on {what}, which is fixed on the whole of `{}`", law.place));
+            let d = Diagnostic::new(
+                Code::W412,
+                format!("a load on {what}, which is fixed on the whole of `{}`", law.place),
+            );
             let d = d.at(load.span, "the support takes this force; no unknown changes");
             let by = prescribed.held_by(dof);
             self.diagnostics.push(by.into_iter().fold(d, |d, fix| d.at(fix, "fixed here")));
@@ -144,7 +146,7 @@ impl Builder<'_> {
             };
             if law.law.tests.iter().all(is_held) {
                 let text = format!("all that this term is tested with is fixed on the whole of `{}`", law.place);
-                let d = Diagnostic::new("W412", text);
+                let d = Diagnostic::new(Code::W412, text);
                 self.diagnostics.push(d.at(law.span, "the support takes this force; no unknown changes"));
             }
         }
@@ -191,14 +193,14 @@ impl Builder<'_> {
         for statement in script.quadratures.iter().filter(|q| Some(q.span) != own) {
             for place in &statement.places {
                 if let Some(first) = seen.iter().find(|p| p.name == place.name) {
-                    let d = Diagnostic::new("E434", format!("two quadrature rules on `{}`", place.name));
+                    let d = Diagnostic::new(Code::E434, format!("two quadrature rules on `{}`", place.name));
                     self.diagnostics.push(d.at(place.span, "").at(first.span, "the first one"));
                 }
                 seen.push(place);
             }
             if statement.places.iter().all(|p| !used.contains(p.name.as_str())) {
                 let names: Vec<String> = used.iter().map(|n| format!("`{n}`")).collect();
-                let d = Diagnostic::new("W411", "a quadrature rule where nothing is integrated");
+                let d = Diagnostic::new(Code::W411, "a quadrature rule where nothing is integrated");
                 let d = d.at(statement.span, "no term, load, measure or state stands on this region by that name");
                 self.diagnostics.push(d.help(format!("they stand on {}", names.join(", "))));
             }
@@ -212,7 +214,7 @@ impl Builder<'_> {
                 let field = self.fields.iter().find(|f| f.name == name.name);
                 let Some(FieldSpace::Nodal(space)) = field.map(|f| &f.space) else { continue };
                 if !space.torn().is_empty() && !space.is_split() {
-                    let d = Diagnostic::new("W411", format!("`split` separates no node of `{}`", name.name));
+                    let d = Diagnostic::new(Code::W411, format!("`split` separates no node of `{}`", name.name));
                     let d = d.at(split.span, "all nodes of these faces are ends of the crack, which stay joined");
                     self.diagnostics.push(d.help("more faces, or an element of degree 2, have nodes between the ends"));
                 }
@@ -232,7 +234,7 @@ impl Builder<'_> {
                 switched_off |= self.params.get(name).is_some_and(|p| p.values.contains(&0.0));
             });
             if !switched_off {
-                let d = Diagnostic::new("W411", "a term that is zero for all unknowns");
+                let d = Diagnostic::new(Code::W411, "a term that is zero for all unknowns");
                 self.diagnostics.push(d.at(term.span, "its parts cancel, or have the factor 0"));
             }
         }
@@ -295,7 +297,7 @@ impl Builder<'_> {
             return;
         }
         let name = &script.fields[field].name;
-        let d = Diagnostic::new("W414", format!("no term determines `{}`", name.name)).at(name.span, values);
+        let d = Diagnostic::new(Code::W414, format!("no term determines `{}`", name.name)).at(name.span, values);
         let names_it = |t: &&wfl::Term| {
             let mut found = false;
             wfl::each_name(&t.expr, &mut |n| found |= split_prefixes(n).1 == name.name);
@@ -315,7 +317,7 @@ impl Builder<'_> {
         for statement in &script.starts {
             let StartKind::Field { field: name, .. } = &statement.kind else { continue };
             if let Some(first) = seen.iter().find(|f| f.name == name.name) {
-                let d = Diagnostic::new("E434", format!("two initial guesses of `{}`", name.name));
+                let d = Diagnostic::new(Code::E434, format!("two initial guesses of `{}`", name.name));
                 self.diagnostics.push(d.at(name.span, "").at(first.span, "the first one"));
             }
             seen.push(name);
@@ -323,7 +325,7 @@ impl Builder<'_> {
             let Some((k, start)) = k.and_then(|k| Some((k, numbering.starts[k]?))) else { continue };
             let own = start..start + self.fields[k].n_dofs();
             if !keeps_past && own.clone().all(|d| numbering.free[d] == FIXED) {
-                let d = Diagnostic::new("W411", format!("`start {}` has no effect", name.name));
+                let d = Diagnostic::new(Code::W411, format!("`start {}` has no effect", name.name));
                 let d = d.at(statement.span, "every value of the field is prescribed");
                 let by = own.clone().find_map(|dof| prescribed.held_by(dof));
                 self.diagnostics.push(by.into_iter().fold(d, |d, fix| d.at(fix, "by this statement")));
@@ -334,9 +336,9 @@ impl Builder<'_> {
     /// W411 where every value of every unknown is prescribed, so that no term of the scene is used; no message where a
     /// statement has a message already, since that is the same cause.
     pub(super) fn nothing_to_solve(&mut self, numbering: &Numbering, prescribed: &Prescribed) {
-        let is_told = self.diagnostics.iter().any(|d| matches!(d.code, "W411" | "W412"));
+        let is_told = self.diagnostics.iter().any(|d| matches!(d.code, Code::W411 | Code::W412));
         if numbering.n_dofs > 0 && numbering.n_free() == 0 && !is_told {
-            let d = Diagnostic::new("W411", "no equation is left: every value of the unknowns is prescribed");
+            let d = Diagnostic::new(Code::W411, "no equation is left: every value of the unknowns is prescribed");
             let by = (0..numbering.n_dofs).find_map(|dof| prescribed.held_by(dof));
             self.diagnostics.push(by.into_iter().fold(d, |d, fix| d.at(fix, "by this statement, among others")));
         }
@@ -367,7 +369,7 @@ impl Builder<'_> {
         let given = |f: &wfl::Field| matches!(f.kind, Declared::Data { value: wfl::DataValue::Caller });
         if !reads && !script.fields.iter().any(given) {
             let n = steps.values.len();
-            let d = Diagnostic::new("W411", format!("{n} steps solve the same problem"));
+            let d = Diagnostic::new(Code::W411, format!("{n} steps solve the same problem"));
             let text = format!("nothing in the scene reads `{variable}`");
             self.diagnostics.push(d.at(statement.variable.span, text));
         }
@@ -392,10 +394,10 @@ impl Builder<'_> {
         let time =
             self.script.steps.as_ref().map_or_else(String::new, |s| format!(", {} = {}", s.variable.name, found.time));
         let (code, text) = if found.lost {
-            ("E432", format!("two values for {what}: a later `fix` replaces an earlier one"))
+            (Code::E432, format!("two values for {what}: a later `fix` replaces an earlier one"))
         } else {
             let nodes = if found.n_nodes == 1 { "1 node".to_owned() } else { format!("{} nodes", found.n_nodes) };
-            ("W413", format!("two values for {what} at {nodes}: the later statement holds"))
+            (Code::W413, format!("two values for {what} at {nodes}: the later statement holds"))
         };
         let d = Diagnostic::new(code, text).at(*later, format!("{} at {at}{time}", short(found.holds)));
         let d = d.at(*earlier, format!("{} there", short(found.instead)));

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use wfl::{Diagnostic, ResolvedScript, Span};
+use wfl::{Code, Diagnostic, ResolvedScript, Span};
 use wfl_compiler::{Class, types::InputSlot};
 
 use super::{Given, Scene, Steps, options::Equal};
@@ -76,15 +76,17 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, fraction: f64) 
     let Some(statement) = &script.scheme else { return Ok(()) };
     let at = statement.name.span;
     if let Some(field) = given_by_the_caller(scene) {
-        let d =
-            Diagnostic::new("E457", format!("the caller gives `{field}`, and explicit steps need it before the run"));
+        let d = Diagnostic::new(
+            Code::E457,
+            format!("the caller gives `{field}`, and explicit steps need it before the run"),
+        );
         return Err(d
             .at(at, "mass and stability limit are computed first")
             .help("scheme newmark beta=1/4 gamma=1/2")
             .into());
     }
     if scene.system.has_moving_images() {
-        let d = Diagnostic::new("E802", "explicit steps with a mapping that moves are not available yet");
+        let d = Diagnostic::new(Code::E802, "explicit steps with a mapping that moves are not available yet");
         let text = "the longest stable step would change as bodies slide";
         return Err(d.at(at, text).help("scheme newmark beta=1/4 gamma=1/2").into());
     }
@@ -94,7 +96,7 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, fraction: f64) 
     if let (Some(auto), Some(statement)) = (scene.steps.auto.take(), steps) {
         let foreign = statement.options.iter().find(|o| o.name.name != "most");
         if let Some(option) = foreign {
-            let d = Diagnostic::new("E414", format!("option `{}` is not understood here", option.name.name));
+            let d = Diagnostic::new(Code::E414, format!("option `{}` is not understood here", option.name.name));
             let text = "explicit steps by `auto` are equal: most=1e-3 is the largest increment";
             return Err(d.at(option.name.span, text).into());
         }
@@ -106,11 +108,12 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, fraction: f64) 
     let longest = scene.steps.longest_increment();
     if longest > limit.step {
         let d = Diagnostic::new(
-            "E456",
+            Code::E456,
             format!("steps of {longest} are above the stability limit of explicit steps, {:.4e}", limit.step),
         );
         let span = steps.map_or(at, |s| s.by.span);
-        return Err(d.at(span, "").help(format!("by auto, or by {:.2e}", 0.9 * limit.step)).into());
+        let d = d.at(span, "").help(format!("by auto, or by {:.2e}", 0.9 * limit.step));
+        return Err(steps.into_iter().fold(d, |d, s| d.replace(s.by.span, "auto")).into());
     }
     scene.explicit = Some(Arc::new(Explicit { lumped, limit }));
     Ok(())
@@ -122,7 +125,7 @@ fn equal_steps(scene: &Scene, statement: &wfl::Steps, longest: f64) -> Result<Ve
     let count = ((to - from) / longest - ROUNDING).ceil().max(1.0);
     if count > MOST_STEPS {
         let d = Diagnostic::new(
-            "E430",
+            Code::E430,
             format!("{count} explicit steps of {longest:.3e}, at most {MOST_STEPS} are made by auto"),
         );
         let help = format!("to allow them: steps ... by {longest:.2e} with most={}", (1.02 * count).ceil());
@@ -178,24 +181,26 @@ fn unlumped(scene: &Scene, script: &ResolvedScript, at: Span, why: Unlumped) -> 
             } else {
                 (format!("explicit steps need a mass of `{field}`"), "a term with its second rate, or scheme newmark")
             };
-            let d = Diagnostic::new("E457", what).at(declared, format!("no term has `Dot2_{field}`"));
+            let d = Diagnostic::new(Code::E457, what).at(declared, format!("no term has `Dot2_{field}`"));
             d.at(at, "").help(help)
         }
         Unlumped::Mixed { term } => {
             let span = scene.terms.get(term).map_or(at, |t| t.span);
-            let d = Diagnostic::new("E455", "this inertia is no mass that stays the same");
+            let d = Diagnostic::new(Code::E455, "this inertia is no mass that stays the same");
             let text = "what else depends on unknowns or on the step variable stands in the same term";
             d.at(span, text).help("write the inertia as a term of its own: rho*Dot2_u.Test_u")
         }
         Unlumped::Mass { field, value, position } => {
             let d = Diagnostic::new(
-                "E455",
+                Code::E455,
                 format!("the lumped mass of `{field}` is {value:.3e} at {}", crate::finite::position(position)),
             );
             let declared = script.fields.iter().find(|f| f.name.name == field).map_or(at, |f| f.name.span);
             let d = d.at(declared, "explicit steps need a positive mass at every node");
             d.at(at, "").help("elements of degree 1, or quadrilaterals and hexahedra; and a density above 0 everywhere")
         }
-        Unlumped::System(error) => Diagnostic::new("E455", format!("the mass cannot be computed: {error}")).at(at, ""),
+        Unlumped::System(error) => {
+            Diagnostic::new(Code::E455, format!("the mass cannot be computed: {error}")).at(at, "")
+        }
     }
 }

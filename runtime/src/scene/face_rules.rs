@@ -13,7 +13,7 @@
 
 use std::collections::BTreeMap;
 
-use wfl::{Diagnostic, ast::QuadratureRule};
+use wfl::{Code, Diagnostic, ast::QuadratureRule};
 use wfl_compiler::{
     interpret, run_prologue,
     types::{FieldKind, FieldOp, InputSlot},
@@ -68,7 +68,7 @@ impl TermMaker<'_> {
                             return Some(RuleChoice::Degree(d as usize));
                         }
                         let m = Diagnostic::new(
-                            "E411",
+                            Code::E411,
                             format!(
                                 "the degree of a quadrature rule is a whole number from 0 to {MAX_DEGREE}, found {d}"
                             ),

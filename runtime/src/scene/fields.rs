@@ -1,7 +1,7 @@
 //! Fields from their declarations: shapes, spaces on their regions, and what the compiler knows of them.
 
 use wfl::{
-    Diagnostic, FieldKind as Declared, ResolvedScript,
+    Code, Diagnostic, FieldKind as Declared, ResolvedScript,
     ast::{Expr, Ident, Place, Rank},
 };
 use wfl_compiler::{
@@ -99,7 +99,7 @@ impl FieldMaker<'_> {
                 Space::on_facets(mesh, topology, &facets, degree, family)
             }
             RegionSet::Edges(_) | RegionSet::Nodes(_) => {
-                let d = Diagnostic::new("E405", "a field is defined on cells or faces, not on nodes");
+                let d = Diagnostic::new(Code::E405, "a field is defined on cells or faces, not on nodes");
                 self.diagnostics.push(d.at(declared.space.span, ""));
                 return None;
             }
@@ -119,7 +119,8 @@ impl FieldMaker<'_> {
 
     /// A space, or the message why there is none.
     fn told(&mut self, made: Result<Space, ElementError>, declared: &wfl::Field) -> Option<Space> {
-        made.map_err(|e| self.diagnostics.push(Diagnostic::new("E406", e.to_string()).at(declared.space.span, ""))).ok()
+        made.map_err(|e| self.diagnostics.push(Diagnostic::new(Code::E406, e.to_string()).at(declared.space.span, "")))
+            .ok()
     }
 }
 
@@ -140,7 +141,7 @@ fn state_points(
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<PointSpace> {
     if let Some(element) = &declared.space.element {
-        let d = Diagnostic::new("E406", format!("a state has no element `{}`", element.name));
+        let d = Diagnostic::new(Code::E406, format!("a state has no element `{}`", element.name));
         diagnostics.push(d.at(element.span, "it has a value at each integration point, nothing between them"));
         return None;
     }
@@ -148,12 +149,12 @@ fn state_points(
     match Domain::new(mesh, &set, &vertex) {
         Ok(domain) if !mesh.is_whole() || !domain.groups.is_empty() => Some(PointSpace::new(mesh, &domain)),
         Ok(_) => {
-            let d = Diagnostic::new("E405", "a state is defined on cells or faces, not on nodes");
+            let d = Diagnostic::new(Code::E405, "a state is defined on cells or faces, not on nodes");
             diagnostics.push(d.at(declared.space.span, ""));
             None
         }
         Err(e) => {
-            diagnostics.push(Diagnostic::new("E409", e.to_string()).at(declared.space.span, ""));
+            diagnostics.push(Diagnostic::new(Code::E409, e.to_string()).at(declared.space.span, ""));
             None
         }
     }
@@ -177,7 +178,7 @@ fn torn(
                 _ => Vec::new(),
             };
             if facets.is_empty() || facets.iter().any(|f| topology.opposite(*f).is_none()) {
-                let d = Diagnostic::new("E405", format!("`{}` cannot be split across `{}`", field, place.name));
+                let d = Diagnostic::new(Code::E405, format!("`{}` cannot be split across `{}`", field, place.name));
                 let d = d.help("region crack = interface along s, where s is a surface inside the body");
                 diagnostics.push(d.at(place.span, "inner faces of the body are needed, all of them between two cells"));
                 continue;
@@ -196,7 +197,7 @@ fn untearable(script: &ResolvedScript, field: &str, space: &Space) -> Option<Dia
         _ => return None,
     };
     let named = script.splits.iter().flat_map(|s| &s.fields).find(|f| f.name == field)?;
-    Some(Diagnostic::new("E405", format!("`{field}` cannot be split")).at(named.span, text))
+    Some(Diagnostic::new(Code::E405, format!("`{field}` cannot be split")).at(named.span, text))
 }
 
 pub(super) fn shape(rank: &Rank, env: &Env<'_>, diagnostics: &mut Vec<Diagnostic>) -> Option<Shape> {
@@ -204,7 +205,8 @@ pub(super) fn shape(rank: &Rank, env: &Env<'_>, diagnostics: &mut Vec<Diagnostic
         let x = number(env, "a size", e, diagnostics)?;
         if x.fract() != 0.0 || !(1.0..=100.0).contains(&x) {
             diagnostics.push(
-                Diagnostic::new("E108", format!("a size is a whole number from 1 to 100, found {x}")).at(e.span, ""),
+                Diagnostic::new(Code::E108, format!("a size is a whole number from 1 to 100, found {x}"))
+                    .at(e.span, ""),
             );
             return None;
         }
@@ -248,7 +250,7 @@ fn element(word: &Ident, mesh: &Mesh, diagnostics: &mut Vec<Diagnostic>) -> Opti
             } else {
                 "of several kinds: P1 or Q1, P2 or Q2, DP0, ..."
             };
-            let d = Diagnostic::new("E406", format!("no element `{}` on this mesh", word.name));
+            let d = Diagnostic::new(Code::E406, format!("no element `{}` on this mesh", word.name));
             diagnostics.push(d.at(word.span, format!("the cells are {cells}")));
             None
         }
@@ -277,7 +279,7 @@ pub(super) fn support(
             Some(t) => match t.union(set) {
                 Ok(u) => u,
                 Err(e) => {
-                    let d = Diagnostic::new("E405", format!("`{}` cannot live on these regions: {e}", name.name));
+                    let d = Diagnostic::new(Code::E405, format!("`{}` cannot live on these regions: {e}", name.name));
                     diagnostics.push(d.at(region.span, ""));
                     return None;
                 }

@@ -3,7 +3,7 @@
 //! Promises: every group has a name in the scene, no group hides another one or a built-in region, and a renamed or
 //! hidden group gives a message (W407). Does not look at the members of a group.
 
-use wfl::{Diagnostic, REGIONS, ResolvedScript, Span, is_keyword, nearest};
+use wfl::{Code, Diagnostic, REGIONS, ResolvedScript, Span, is_keyword, nearest};
 
 use crate::mesh::Group;
 
@@ -35,11 +35,11 @@ pub(super) fn names(
             } else {
                 format!("two groups of the mesh file are called `{wanted}`: here the {kind} is called `{name}`")
             };
-            diagnostics.push(Diagnostic::new("W407", why).at(file, ""));
+            diagnostics.push(Diagnostic::new(Code::W407, why).at(file, ""));
         }
         if let Some(region) = script.regions.iter().find(|r| r.name.name == name) {
             let message = format!("the region `{name}` hides the group of that name of the mesh file");
-            diagnostics.push(Diagnostic::new("W407", message).at(region.name.span, ""));
+            diagnostics.push(Diagnostic::new(Code::W407, message).at(region.name.span, ""));
         }
         out.push(name);
     }
@@ -66,7 +66,6 @@ pub(super) fn unknown(
     for name in script.groups.iter().filter(|g| !is_region(&g.name)) {
         let declared = script.regions.iter().map(|r| &r.name.name);
         let known = groups.iter().chain(declared).map(String::as_str).chain(["all", "boundary"]);
-        let text = nearest(&name.name, known).map_or(String::new(), |near| format!("did you mean `{near}`?"));
         let mut list: Vec<&str> = groups.iter().map(String::as_str).collect();
         list.sort_unstable();
         let note = match list.len() {
@@ -76,7 +75,8 @@ pub(super) fn unknown(
             }
             _ => format!("the mesh file has the groups {}", list.join(", ")),
         };
-        let d = Diagnostic::new("E201", format!("unknown region `{}`", name.name)).at(name.span, text);
+        let d = Diagnostic::new(Code::E201, format!("unknown region `{}`", name.name));
+        let d = d.did_you_mean(name.span, nearest(&name.name, known));
         diagnostics.push(d.note(note));
     }
 }

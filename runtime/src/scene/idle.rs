@@ -14,7 +14,7 @@ mod directions;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use wfl::{Diagnostic, FieldKind as Declared, ResolvedScript};
+use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript};
 use wfl_compiler::types::{FieldKind, Side};
 
 use super::{
@@ -298,7 +298,7 @@ impl Plan {
             }
             let kept = "they would make the system singular in stick; `with crosspoints=keep` keeps them";
             let mut warn = |text: String, note: &str, label: &str| {
-                diagnostics.push(Diagnostic::new("W404", text).note(note).at(declared.name.span, label));
+                diagnostics.push(Diagnostic::new(Code::W404, text).note(note).at(declared.name.span, label));
             };
             if whole > 0 {
                 let (have, are) = if whole == 1 { ("has", "is") } else { ("have", "are") };

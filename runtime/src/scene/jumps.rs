@@ -4,7 +4,7 @@
 //! the same from both sides. Faces of a region of which a part only is split give no message: the jump is zero there by
 //! intention, as it is at the front of a crack.
 
-use wfl::{Diagnostic, Span};
+use wfl::{Code, Diagnostic, Span};
 use wfl_compiler::{
     ValueJump,
     ir::Origin,
@@ -43,10 +43,10 @@ pub(super) fn check(
         let Some(field) = jump.fields.iter().find(unknown).or(jump.fields.first()) else { continue };
         let field = &parts.fields[field.index()];
         let message = format!("the jump of `{}` over `{place}` is zero", field.name);
-        match diagnostics.iter_mut().find(|d| d.code == "W417" && d.message == message) {
+        match diagnostics.iter_mut().find(|d| d.code == Code::W417 && d.message == message) {
             Some(told) => add_place(parts, told, origin),
             None => {
-                let d = Diagnostic::new("W417", message).help(remedy(parts, field, place, faces));
+                let d = cured(Diagnostic::new(Code::W417, message), parts, field, place, faces);
                 let text = format!("`{}` has one value on both sides of all {} faces", field.name, faces.len());
                 diagnostics.push(locate(d, origin, parts.env.expansions, text));
             }
@@ -54,18 +54,18 @@ pub(super) fn check(
     }
 }
 
-/// What makes a field jump there.
-fn remedy(parts: Parts<'_>, field: &Field, place: &str, faces: &[InterfaceFacet]) -> String {
+/// The message with what makes a field jump there.
+fn cured(d: Diagnostic, parts: Parts<'_>, field: &Field, place: &str, faces: &[InterfaceFacet]) -> Diagnostic {
     match field.kind {
         _ if is_torn_along_all(parts, field, faces) => {
-            "all nodes of these faces are ends of the crack; more faces, or an element of degree 2, have others"
-                .to_owned()
+            d.help("all nodes of these faces are ends of the crack; more faces, or an element of degree 2, have others")
         }
-        FieldKind::Unknown if place == "interior" => {
-            format!("a discontinuous element of `{}`, such as DP1, or: split {} across a crack", field.name, field.name)
-        }
-        FieldKind::Unknown => format!("split {} across {place}", field.name),
-        _ => "only unknowns can be split; a field for each side has two values".to_owned(),
+        FieldKind::Unknown if place == "interior" => d.help(format!(
+            "a discontinuous element of `{}`, such as DP1, or: split {} across a crack",
+            field.name, field.name
+        )),
+        FieldKind::Unknown => d.missing(format!("split {} across {place}", field.name)),
+        _ => d.help("only unknowns can be split; a field for each side has two values"),
     }
 }
 

@@ -1,7 +1,7 @@
 //! Quadrature rules of the scene with fewer points than an element has nodes (hourglass modes).
 
 use wfl::{
-    Diagnostic, ResolvedScript,
+    Code, Diagnostic, ResolvedScript,
     ast::{Ident, QuadratureRule},
 };
 use wfl_compiler::types::Side;
@@ -40,7 +40,7 @@ pub(super) fn check(
          vanish at the points cause no force",
         placed.place
     );
-    let d = Diagnostic::new("W506", message).at(statement.span, "");
+    let d = Diagnostic::new(Code::W506, message).at(statement.span, "");
     if !diagnostics.contains(&d) {
         diagnostics.push(d);
     }

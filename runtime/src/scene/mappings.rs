@@ -8,7 +8,7 @@
 use std::{collections::BTreeSet, sync::Arc};
 
 use wfl::{
-    Diagnostic, ResolvedScript, Span,
+    Code, Diagnostic, ResolvedScript, Span,
     ast::{Expansions, Expr, Ident, MappingKind},
 };
 use wfl_compiler::{
@@ -115,22 +115,23 @@ impl MappingMaker<'_> {
     fn position(&mut self, e: &Expr) -> Option<Search> {
         let place = position_place(self.parts.fields.len());
         let law = compile_value(self.parts.env, &place, "a mapping", e);
-        self.diagnostics.extend(law.diagnostics.into_iter().map(|d| without_fields(d, "E407", FIXED_IMAGES)));
+        self.diagnostics.extend(law.diagnostics.into_iter().map(|d| without_fields(d, Code::E407, FIXED_IMAGES)));
         let law = law.value?;
         let dim = self.parts.mesh.dim();
         if law.shape.len() != dim {
-            let d = Diagnostic::new("E108", format!("a mapping gives {dim} coordinates here, found a {}", law.shape));
+            let d =
+                Diagnostic::new(Code::E108, format!("a mapping gives {dim} coordinates here, found a {}", law.shape));
             self.diagnostics.push(wfl::at_expr(d, e, self.parts.env.expansions, law.shape.to_string()));
             return None;
         }
         match Value::new(law, self.backend) {
             Ok(v) if v.reads_positions_only() => Some(Search::Position(Box::new(v), e.span)),
             Ok(_) => {
-                self.diagnostics.push(Diagnostic::new("E407", FIXED_IMAGES).at(e.span, ""));
+                self.diagnostics.push(Diagnostic::new(Code::E407, FIXED_IMAGES).at(e.span, ""));
                 None
             }
             Err(error) => {
-                self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, ""));
+                self.diagnostics.push(Diagnostic::new(Code::E609, error.to_string()).at(e.span, ""));
                 None
             }
         }
@@ -148,7 +149,7 @@ impl MappingMaker<'_> {
         let Some(e) = within else { return Some(f64::INFINITY) };
         let d = number(self.parts.env, "a distance", e, self.diagnostics)?;
         if d < 0.0 || d.is_nan() {
-            let m = Diagnostic::new("E419", format!("nothing is within a distance of {d}"));
+            let m = Diagnostic::new(Code::E419, format!("nothing is within a distance of {d}"));
             self.diagnostics.push(m.at(e.span, ""));
             return None;
         }
@@ -166,7 +167,7 @@ impl MappingMaker<'_> {
         let (facets, targets) = (self.facets(from)?, self.facets(onto)?);
         let reach = self.reach(within)?;
         if let Some(e) = within.filter(|_| reach == 0.0) {
-            let d = Diagnostic::new("E419", "no image that moves is within a distance of 0");
+            let d = Diagnostic::new(Code::E419, "no image that moves is within a distance of 0");
             self.diagnostics.push(d.at(e.span, "longer than gaps and overlaps of contact"));
             return None;
         }
@@ -182,7 +183,7 @@ impl MappingMaker<'_> {
         }
         let sources: BTreeSet<FacetRef> = facets.iter().copied().collect();
         if within.is_none() && targets.iter().any(|facet| sources.contains(facet)) {
-            let d = Diagnostic::new("E419", "a surface that is mapped onto itself needs `within`");
+            let d = Diagnostic::new(Code::E419, "a surface that is mapped onto itself needs `within`");
             let d = d.help("a distance longer than gaps and overlaps of contact: `moving with u within 0.1`");
             self.diagnostics.push(d.at(onto.span, "far faces of the same body would be images, too"));
             return None;
@@ -198,15 +199,17 @@ impl MappingMaker<'_> {
         let (field, dim) = (&self.parts.fields[at], self.parts.mesh.dim());
         if field.n_components != dim || cells_of(field).is_none() {
             let d = Diagnostic::new(
-                "E108",
+                Code::E108,
                 format!("a mapping moves with a displacement: a vector of {dim} components on cells"),
             );
             self.diagnostics.push(d.at(name.span, format!("`{}` is none", name.name)));
             return None;
         }
         if facets.iter().any(|facet| !field.lives_in_cell(facet.cell)) {
-            let d =
-                Diagnostic::new("E202", format!("`{}` does not live behind all faces of `{}`", name.name, region.name));
+            let d = Diagnostic::new(
+                Code::E202,
+                format!("`{}` does not live behind all faces of `{}`", name.name, region.name),
+            );
             let d = d.help(
                 "moving with u1, u2 names the displacement behind the points first, then that behind their images",
             );
@@ -217,7 +220,7 @@ impl MappingMaker<'_> {
     }
 
     fn not_available(&mut self, at: &Ident, what: &str, cure: &str) -> Option<Search> {
-        let d = Diagnostic::new("E802", format!("{what} is not available yet"));
+        let d = Diagnostic::new(Code::E802, format!("{what} is not available yet"));
         self.diagnostics.push(d.help(cure).at(at.span, ""));
         None
     }
@@ -227,7 +230,7 @@ impl MappingMaker<'_> {
             RegionSet::Facets(f) => Some(f.clone()),
             RegionSet::Interface(i) => Some(i.iter().map(|p| p.here).collect()),
             other => {
-                let d = Diagnostic::new("E405", format!("`{}` is a region of {}", name.name, other.kind()));
+                let d = Diagnostic::new(Code::E405, format!("`{}` is a region of {}", name.name, other.kind()));
                 self.diagnostics.push(d.at(name.span, "points are mapped from faces onto faces"));
                 None
             }
@@ -337,13 +340,14 @@ impl Mappings {
         };
         let total = lost + domain.groups.iter().map(|g| g.n_points() * g.entities.len()).sum::<usize>();
         if domain.groups.is_empty() {
-            let d = Diagnostic::new("E419", format!("no point has an image under `{}`", name.name));
+            let d = Diagnostic::new(Code::E419, format!("no point has an image under `{}`", name.name));
             let d = d.help("`within` is the longest distance; a `point` must lie in a cell where the fields live");
             diagnostics.push(d.at(span, format!("{total} points here")).at(name.span, "declared here"));
             return None;
         }
         if lost > 0 {
-            let d = Diagnostic::new("W406", format!("{lost} of {total} points have no image under `{}`", name.name));
+            let d =
+                Diagnostic::new(Code::W406, format!("{lost} of {total} points have no image under `{}`", name.name));
             diagnostics.push(d.at(span, "the term is not integrated there").at(name.span, "declared here"));
         }
         Some(Arc::new(domain))
@@ -389,7 +393,7 @@ fn moving_points(
 
 /// The message about a mapping that moves without faces to lead to.
 fn no_faces(name: &Ident, span: Span) -> Diagnostic {
-    let d = Diagnostic::new("E419", format!("no point has an image under `{}`", name.name));
+    let d = Diagnostic::new(Code::E419, format!("no point has an image under `{}`", name.name));
     d.at(span, "").at(name.span, "it leads to no faces, or to cells without a volume")
 }
 
@@ -399,13 +403,13 @@ fn not_mapped(base: &Domain, from: &BTreeSet<FacetRef>, name: &Ident, span: Span
     if !outside && base.groups.iter().all(|g| !g.here.facets.is_empty()) {
         return None;
     }
-    let d = Diagnostic::new("E203", format!("`{}` does not map the points of this place", name.name));
+    let d = Diagnostic::new(Code::E203, format!("`{}` does not map the points of this place", name.name));
     Some(d.at(span, "only faces behind `from` have images").at(name.span, "declared here"))
 }
 
 /// A line, or a point of a series, cannot follow a mapping: it is no integration point.
 pub(super) fn refused(mapping: Option<usize>, what: &str, span: Span) -> Option<Diagnostic> {
     mapping?;
-    let d = Diagnostic::new("E802", format!("{what} cannot read through a mapping"));
+    let d = Diagnostic::new(Code::E802, format!("{what} cannot read through a mapping"));
     Some(d.at(span, "a `measure` can, and `output vtk` on faces"))
 }

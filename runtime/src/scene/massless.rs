@@ -3,7 +3,7 @@
 //! Done once, before the run, at the state where time starts. Promises: an error names what stands against it; scenes that
 //! do not ask for it are left alone.
 
-use wfl::{Diagnostic, ResolvedScript, ast::Ident, nearest};
+use wfl::{Code, Diagnostic, ResolvedScript, ast::Ident, nearest};
 
 use super::Scene;
 use crate::redistribution::{Unmovable, redistribution};
@@ -11,13 +11,13 @@ use crate::redistribution::{Unmovable, redistribution};
 /// Takes the mass from the nodes of a region.
 pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, region: &Ident) -> Result<(), Box<Diagnostic>> {
     let Some(set) = scene.regions.get(&region.name).map(|r| r.set.clone()) else {
-        let d = Diagnostic::new("E452", format!("there is no region `{}`", region.name));
-        let text = nearest(&region.name, scene.regions.keys().map(String::as_str))
-            .map_or(String::new(), |known| format!("did you mean `{known}`?"));
-        return Err(d.at(region.span, text).into());
+        let d = Diagnostic::new(Code::E452, format!("there is no region `{}`", region.name));
+        let near = nearest(&region.name, scene.regions.keys().map(String::as_str));
+        return Err(d.did_you_mean(region.span, near).into());
     };
     let (time, increment) = (scene.steps.first(), scene.steps.first_increment());
-    let given = |error| Diagnostic::new("E452", format!("the mass cannot be computed: {error}")).at(region.span, "");
+    let given =
+        |error| Diagnostic::new(Code::E452, format!("the mass cannot be computed: {error}")).at(region.span, "");
     let mut equations = scene.equations();
     scene.solving(&mut equations).set_data(time, increment).map_err(|e| given(e.to_string()))?;
     equations.system.set_laws(time, increment);
@@ -33,25 +33,25 @@ fn unmovable(scene: &Scene, script: &ResolvedScript, region: &Ident, why: Unmova
     let name = &region.name;
     match why {
         Unmovable::NoNodes => {
-            let d = Diagnostic::new("E452", format!("`massless={name}` takes mass from nowhere"));
+            let d = Diagnostic::new(Code::E452, format!("`massless={name}` takes mass from nowhere"));
             d.at(region.span, "no field with a second rate has nodes there")
         }
         Unmovable::Mixed { term } => {
             let span = scene.terms.get(term).map_or(region.span, |t| t.span);
-            let d = Diagnostic::new("E452", "this inertia is no mass that stays the same");
+            let d = Diagnostic::new(Code::E452, "this inertia is no mass that stays the same");
             let text = "what else depends on unknowns or on the step variable stands in the same term";
             let d = d.at(span, text).at(region.span, "its mass is to be taken from some nodes");
             d.help("write the inertia as a term of its own: rho*Dot2_u.Test_u")
         }
         Unmovable::Thin { field, position } => {
             let at = crate::finite::position(position);
-            let d = Diagnostic::new("E452", format!("the mass of `{field}` at {at} has nowhere to go"));
+            let d = Diagnostic::new(Code::E452, format!("the mass of `{field}` at {at} has nowhere to go"));
             let declared = script.fields.iter().find(|f| f.name.name == field).map_or(region.span, |f| f.name.span);
             let d = d.at(region.span, "nodes without mass need two layers of other nodes behind them");
             d.at(declared, "").help("a finer mesh, or a smaller region")
         }
         Unmovable::System(error) => {
-            Diagnostic::new("E452", format!("the mass cannot be computed: {error}")).at(region.span, "")
+            Diagnostic::new(Code::E452, format!("the mass cannot be computed: {error}")).at(region.span, "")
         }
     }
 }

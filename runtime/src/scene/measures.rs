@@ -6,7 +6,7 @@
 use std::{cell::Cell, sync::Arc};
 
 use wfl::{
-    Diagnostic,
+    Code, Diagnostic,
     ast::{Expr, MeasureAt, Place, Reduction},
     at_expr,
 };
@@ -153,7 +153,7 @@ impl Builder<'_> {
         if law.shape.is_scalar_like() {
             return true;
         }
-        let d = Diagnostic::new("E108", format!("a measure is a scalar, found a {}", law.shape));
+        let d = Diagnostic::new(Code::E108, format!("a measure is a scalar, found a {}", law.shape));
         let d = d.help("one number at each point: a component v(1), v.Normal, or Norm(v)");
         self.diagnostics.push(at_expr(d, &measure.expr, self.env.expansions, law.shape.to_string()));
         false
@@ -165,9 +165,9 @@ impl Builder<'_> {
         match Value::new(law, self.batch) {
             Ok(value) => match value.bind(&self.mesh, domain, &self.fields) {
                 Ok(sampled) => return Some((value, sampled)),
-                Err(e) => self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(span, "")),
+                Err(e) => self.diagnostics.push(Diagnostic::new(Code::E202, e.to_string()).at(span, "")),
             },
-            Err(e) => self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(span, "")),
+            Err(e) => self.diagnostics.push(Diagnostic::new(Code::E609, e.to_string()).at(span, "")),
         }
         None
     }
@@ -190,7 +190,7 @@ impl Builder<'_> {
         match Domain::new(&self.mesh, set, &rule) {
             Ok(domain) => Some(Arc::new(domain)),
             Err(error) => {
-                self.diagnostics.push(Diagnostic::new("E409", error.to_string()).at(e.span, ""));
+                self.diagnostics.push(Diagnostic::new(Code::E409, error.to_string()).at(e.span, ""));
                 None
             }
         }
@@ -201,7 +201,7 @@ impl Builder<'_> {
         let found = numbers(self.env, "the point of a measure", x, self.diagnostics)?;
         let dim = self.mesh.dim();
         if found.len() != dim {
-            let d = Diagnostic::new("E108", format!("a point has {dim} coordinates here, found {}", found.len()));
+            let d = Diagnostic::new(Code::E108, format!("a point has {dim} coordinates here, found {}", found.len()));
             self.diagnostics.push(d.at(x.span, ""));
             return None;
         }
@@ -255,7 +255,7 @@ impl Builder<'_> {
         if anywhere {
             let (low, high) = self.mesh.bounds();
             let missed = || {
-                let d = Diagnostic::new("E435", "the point is in no body that has this expression");
+                let d = Diagnostic::new(Code::E435, "the point is in no body that has this expression");
                 let d = d.at(x.span, format!("the mesh spans {:?} to {:?}", &low[..dim], &high[..dim]));
                 d.at(measure.expr.span, "of this")
             };

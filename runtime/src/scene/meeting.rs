@@ -12,7 +12,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use wfl::{Diagnostic, FieldKind as Declared, ResolvedScript};
+use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript};
 use wfl_compiler::{ProjectionKind, types::FieldKind};
 
 use super::{
@@ -119,7 +119,7 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
             let note = "only the sum of both forces is determined in stick, and the system would be singular; an \
                         augmented Lagrangian acts as a penalty of stiffness gamma there; `with crosspoints=keep` keeps \
                         them";
-            let d = Diagnostic::new("W404", text).note(note);
+            let d = Diagnostic::new(Code::W404, text).note(note);
             diagnostics.push(d.at(script.fields[k].name.span, "its surface meets that of the other multiplier"));
         }
     }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use wfl::{
-    Diagnostic, FieldKind, MeshStmt, ResolvedScript, Span,
+    Code, Diagnostic, FieldKind, MeshStmt, ResolvedScript, Span,
     ast::{self, BoxDivision, Expr, MeshSource},
     nearest,
 };
@@ -46,8 +46,11 @@ pub(super) fn read(
         Err(e) => {
             let near =
                 if matches!(e, ReadingError::Input(InputError::NotFound)) { similar(folder, path) } else { None };
-            let text = near.map_or(String::new(), |n| format!("did you mean `{n}`?"));
-            diagnostics.push(unread(&e, "E410", &format!("cannot use the mesh file `{path}`")).at(*span, text));
+            let d = unread(&e, Code::E410, &format!("cannot use the mesh file `{path}`"));
+            diagnostics.push(match near {
+                Some(near) => d.at(*span, format!("did you mean `{near}`?")).replace(*span, format!("\"{near}\"")),
+                None => d.at(*span, ""),
+            });
             return None;
         }
     };
@@ -59,7 +62,7 @@ pub(super) fn read(
                 let [a_at, b_at] = [a, b].map(|n| &mesh.nodes()[n.index()][..mesh.dim()]);
                 let [a, b] = [a, b].map(|n| mesh.numbers().node(*n));
                 let d = Diagnostic::new(
-                    "W405",
+                    Code::W405,
                     format!("{} pairs of nodes of one body have the same coordinates but are not joined", twins.len()),
                 );
                 let first = format!("the first pair: {a} at {a_at:?} and {b} at {b_at:?}");
@@ -73,7 +76,7 @@ pub(super) fn read(
             None
         }
         Err(e) => {
-            let d = Diagnostic::new("E410", format!("cannot use the mesh file `{path}`: {e}"));
+            let d = Diagnostic::new(Code::E410, format!("cannot use the mesh file `{path}`: {e}"));
             diagnostics.push(d.at(*span, ""));
             None
         }
@@ -89,16 +92,16 @@ fn turned(mesh: &Mesh, span: Span) -> Option<Diagnostic> {
         (n, all) if n == all => format!("all {n} cells run"),
         (n, _) => format!("{n} cells run"),
     };
-    let d = Diagnostic::new("W423", format!("{many} clockwise in this file, and were turned"));
+    let d = Diagnostic::new(Code::W423, format!("{many} clockwise in this file, and were turned"));
     let d = d.at(span, format!("the first is {first}; places, groups and results are not changed by that"));
     Some(d.help("in Gmsh: reverse the curve loop of the surface, or Reverse Surface{..}"))
 }
 
 /// A file that cannot be had: E217 if the scene may not read it, E606 if it is too large, else `code`.
-pub(super) fn unread(error: &ReadingError, code: &'static str, what: &str) -> Diagnostic {
+pub(super) fn unread(error: &ReadingError, code: Code, what: &str) -> Diagnostic {
     let code = match error {
-        ReadingError::Outside { .. } => "E217",
-        ReadingError::Input(InputError::TooLarge(_)) => "E606",
+        ReadingError::Outside { .. } => Code::E217,
+        ReadingError::Input(InputError::TooLarge(_)) => Code::E606,
         ReadingError::Input(_) => code,
     };
     let d = Diagnostic::new(code, format!("{what}: {error}"));
@@ -194,15 +197,17 @@ impl MeshMaker<'_> {
         self.diagnostics.extend(law.diagnostics);
         let law = law.value?;
         if law.shape.len() != dim {
-            let d =
-                Diagnostic::new("E108", format!("the map of a mesh gives {dim} coordinates, found a {}", law.shape));
+            let d = Diagnostic::new(
+                Code::E108,
+                format!("the map of a mesh gives {dim} coordinates, found a {}", law.shape),
+            );
             self.diagnostics.push(wfl::at_expr(d, map, env.expansions, ""));
             return None;
         }
         match Value::new(law, self.backend) {
             Ok(value) => Some(NodeMap { value, span: map.span }),
             Err(e) => {
-                self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(map.span, ""));
+                self.diagnostics.push(Diagnostic::new(Code::E609, e.to_string()).at(map.span, ""));
                 None
             }
         }
@@ -279,7 +284,7 @@ fn generated(
     let dim = low.len();
     if dim != high.len() || dim > 3 {
         let d = Diagnostic::new(
-            "E408",
+            Code::E408,
             format!("the corners of a box have 1 to 3 coordinates each, found {dim} and {}", high.len()),
         );
         diagnostics
@@ -294,7 +299,7 @@ fn generated(
     };
     if kind.kind().dim() != dim {
         let span = shape.map_or(statement.span, |(_, s)| s);
-        let d = Diagnostic::new("E408", format!("a box of dimension {dim} is not made of {}s", kind.kind()));
+        let d = Diagnostic::new(Code::E408, format!("a box of dimension {dim} is not made of {}s", kind.kind()));
         diagnostics.push(d.at(span, "segment in 1-D, tri or quad in 2-D, tet or hex in 3-D"));
         return None;
     }
@@ -327,7 +332,7 @@ fn divided(
             match cells_for_size(low, high, h[0], dim) {
                 Ok(n) => Some(n),
                 Err(error) => {
-                    diagnostics.push(Diagnostic::new("E408", error.to_string()).at(e.span, ""));
+                    diagnostics.push(Diagnostic::new(Code::E408, error.to_string()).at(e.span, ""));
                     None
                 }
             }
@@ -376,7 +381,7 @@ fn whole_cells(
             } else {
                 format!("a number of cells is a whole number from 1, found {x}")
             };
-            diagnostics.push(wfl::at_expr(Diagnostic::new("E408", text), e, env.expansions, ""));
+            diagnostics.push(wfl::at_expr(Diagnostic::new(Code::E408, text), e, env.expansions, ""));
             return None;
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
@@ -386,7 +391,7 @@ fn whole_cells(
     }
     if expanded.len() != dim {
         let d = Diagnostic::new(
-            "E408",
+            Code::E408,
             format!("this box has {dim} directions, found {} numbers of cells", expanded.len()),
         );
         diagnostics.push(d.at(e.span, ""));
@@ -406,11 +411,13 @@ fn box_shape(shape: ast::BoxShape) -> BoxShape {
 }
 
 /// The message with a vector of the size that is needed, where a single number is given.
-pub(super) fn with_zeros(d: Diagnostic, found: usize, needed: usize) -> Diagnostic {
+pub(super) fn with_zeros(d: Diagnostic, value: &ast::Expr, found: usize, needed: usize) -> Diagnostic {
     if found != 1 || !(2..=3).contains(&needed) {
         return d;
     }
-    d.help(format!("a vector is written with all its components: [{}]", vec!["0"; needed].join(",")))
+    let zeros = format!("[{}]", vec!["0"; needed].join(","));
+    let d = d.help(format!("a vector is written with all its components: {zeros}"));
+    if matches!(value.kind, ast::ExprKind::Number(0.0)) { d.replace(value.span, zeros) } else { d }
 }
 
 /// Message about a prescribed or nodal value that needs more than [`position_place`] has.
@@ -434,11 +441,11 @@ pub(super) fn position_place(n_fields: usize) -> PlaceSig {
 pub(super) fn mesh_error(error: &MeshError, span: Span) -> Diagnostic {
     match error {
         MeshError::TooMuchMemory(need) => too_much_memory(need, span),
-        _ => Diagnostic::new("E409", error.to_string()).at(span, ""),
+        _ => Diagnostic::new(Code::E409, error.to_string()).at(span, ""),
     }
 }
 
 /// A need of the scene that does not fit into the memory.
 pub(super) fn too_much_memory(need: &TooMuchMemory, span: Span) -> Diagnostic {
-    Diagnostic::new("E606", need.to_string()).at(span, "").help("fewer cells, or more memory: --memory 16GB")
+    Diagnostic::new(Code::E606, need.to_string()).at(span, "").help("fewer cells, or more memory: --memory 16GB")
 }

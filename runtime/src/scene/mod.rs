@@ -487,7 +487,7 @@ fn prepare_as_written(script: &ResolvedScript, with: With<'_>, part: Option<plac
 
 /// A mistake in a macro gives one message, at its first use.
 fn once_per_place(diagnostics: &mut Vec<Diagnostic>) {
-    let mut seen: HashSet<(&'static str, String, Vec<wfl::Span>)> = HashSet::new();
+    let mut seen: HashSet<(wfl::Code, String, Vec<wfl::Span>)> = HashSet::new();
     diagnostics.retain(|d| {
         let spans: Vec<wfl::Span> = d.labels.iter().map(|l| l.span).collect();
         let in_macro = d.labels.first().is_some_and(|l| l.text.starts_with("in this use of"));

@@ -1,7 +1,7 @@
 //! The statements `steps` and `solver`: numbers and words with a meaning for the run, no expressions of fields.
 
 use wfl::{
-    Diagnostic,
+    Code, Diagnostic,
     ast::{OptionItem, OptionValue},
 };
 
@@ -191,13 +191,15 @@ impl Builder<'_> {
             .map(|(e, what)| constants::number(self.env, what, e, self.diagnostics));
         let (from, to, by) = (a?, b?, c?);
         let Some((count, left)) = whole_steps(from, to, by) else {
-            let d = Diagnostic::new("E413", format!("steps from {from} to {to} by {by} do not reach the last value"));
-            let d = if by * (to - from) < 0.0 { d.help(format!("by {}", -by)) } else { d };
+            let d =
+                Diagnostic::new(Code::E413, format!("steps from {from} to {to} by {by} do not reach the last value"));
+            let back = by * (to - from) < 0.0;
+            let d = if back { d.help(format!("by {}", -by)).replace(steps.by.span, format!("{}", -by)) } else { d };
             self.diagnostics.push(d.at(steps.by.span, ""));
             return None;
         };
         if rates && count == 0.0 && left.is_none() {
-            let d = Diagnostic::new("E413", "a scene with rates needs two values of the step variable");
+            let d = Diagnostic::new(Code::E413, "a scene with rates needs two values of the step variable");
             let text = "time starts at the first value with the state of `start`; the later values are solved";
             self.diagnostics.push(d.at(steps.span, text));
             return None;
@@ -243,7 +245,7 @@ impl Builder<'_> {
             return None;
         }
         if let Some(left) = left {
-            let d = Diagnostic::new("W410", "the last step is shorter than the others");
+            let d = Diagnostic::new(Code::W410, "the last step is shorter than the others");
             let text = format!("steps of {by} from {from} do not meet {to}: the last one is {} long", short(left));
             self.diagnostics.push(d.at(steps.by.span, text).at(steps.to.span, "met exactly"));
         }
@@ -270,13 +272,13 @@ impl Builder<'_> {
         let name = &steps.variable.name;
         let help = format!("count `{name}` from where the run begins: {name} = 0 to {}", short(to - from));
         if rounding >= by.abs() {
-            let d = Diagnostic::new("E413", format!("`{name}` does not move in a step of {by:e}"));
+            let d = Diagnostic::new(Code::E413, format!("`{name}` does not move in a step of {by:e}"));
             let text = format!("numbers near {to:e} lie {:.1e} apart", rounding);
             self.diagnostics.push(d.at(steps.by.span, text).help(help));
             return false;
         }
         let part = 100.0 * rounding / by.abs();
-        let d = Diagnostic::new("W421", format!("`{name}` is rounded to {part:.0} % of a step"));
+        let d = Diagnostic::new(Code::W421, format!("`{name}` is rounded to {part:.0} % of a step"));
         let text = format!("numbers near {to:e} lie {rounding:.1e} apart; formulas of `{name}` are that inexact");
         self.diagnostics.push(d.at(steps.from.span.to(steps.to.span), text).help(help));
         true
@@ -288,8 +290,10 @@ impl Builder<'_> {
         let to = constants::number(self.env, "the last value", &steps.to, self.diagnostics)?;
         let span = to - from;
         if span <= 0.0 {
-            let d =
-                Diagnostic::new("E413", format!("steps that the run chooses go forward, and not from {from} to {to}"));
+            let d = Diagnostic::new(
+                Code::E413,
+                format!("steps that the run chooses go forward, and not from {from} to {to}"),
+            );
             self.diagnostics.push(d.at(steps.from.span.to(steps.to.span), ""));
             return None;
         }
@@ -323,7 +327,7 @@ impl Builder<'_> {
         auto.first = auto.first.min(auto.most);
         if auto.least > auto.most {
             let d = Diagnostic::new(
-                "E413",
+                Code::E413,
                 format!("the smallest increment, {}, is above the largest one, {}", auto.least, auto.most),
             );
             self.diagnostics.push(d.at(steps.span, ""));
@@ -357,7 +361,7 @@ impl Builder<'_> {
     }
 
     fn bad_option(&mut self, option: &OptionItem, name: &str, known: &str) {
-        let d = Diagnostic::new("E414", format!("option `{name}` is not understood here"));
+        let d = Diagnostic::new(Code::E414, format!("option `{name}` is not understood here"));
         self.diagnostics.push(d.at(option.name.span, format!("known: {known}")));
     }
 
@@ -381,7 +385,8 @@ impl Builder<'_> {
             match (option.name.name.as_str(), self.option_number(option), word(option)) {
                 ("tol", Some(t), _) if (0.0..=LARGEST_TOLERANCE).contains(&t) => options.tolerance = t,
                 ("tol", Some(t), _) => {
-                    let d = Diagnostic::new("E440", format!("`tol` = {t} is not allowed: it lies between 0 and 0.1"));
+                    let d =
+                        Diagnostic::new(Code::E440, format!("`tol` = {t} is not allowed: it lies between 0 and 0.1"));
                     let d = d.at(option.name.span, "the relative residual at which the iteration stops");
                     self.diagnostics.push(d.help("tol=1e-10, or leave it out"));
                 }
@@ -401,7 +406,7 @@ impl Builder<'_> {
                 ("search", _, Some("none")) => options.search = false,
                 ("accuracy", _, _) => {
                     let d = Diagnostic::new(
-                        "E414",
+                        Code::E414,
                         format!("`accuracy` is a relative error from {SMALLEST:e} to {LARGEST}"),
                     );
                     self.diagnostics.push(d.at(option.name.span, "such as accuracy=1e-3"));
@@ -416,7 +421,7 @@ impl Builder<'_> {
         options.linear = self.linear_method(iterative, multigrid, direct);
         let word = solver.options.iter().find(|o| o.name.name == "of");
         if let Some(word) = word.filter(|_| asked.is_none()) {
-            let d = Diagnostic::new("W411", "`of` selects the quantity of an accuracy, and none is demanded");
+            let d = Diagnostic::new(Code::W411, "`of` selects the quantity of an accuracy, and none is demanded");
             self.diagnostics.push(d.at(word.name.span, "").help("add accuracy=1e-3"));
         }
         (options, asked.map(|error| (error, of)))
@@ -432,11 +437,11 @@ impl Builder<'_> {
         direct: Option<&OptionItem>,
     ) -> LinearMethod {
         if let (Some(direct), Some(other)) = (direct, iterative.or(multigrid)) {
-            let d = Diagnostic::new("E414", format!("`direct` and `{}` exclude each other", other.name.name));
+            let d = Diagnostic::new(Code::E414, format!("`direct` and `{}` exclude each other", other.name.name));
             self.diagnostics.push(d.at(other.name.span, "an iteration").at(direct.name.span, "a factor"));
         }
         if let (None, Some(multigrid)) = (iterative, multigrid) {
-            let d = Diagnostic::new("E414", "`amg` is the preconditioner of `cg`, which is not named");
+            let d = Diagnostic::new(Code::E414, "`amg` is the preconditioner of `cg`, which is not named");
             self.diagnostics.push(d.at(multigrid.name.span, "").help("cg, amg"));
         }
         match (direct, iterative) {
@@ -450,7 +455,7 @@ impl Builder<'_> {
 /// E442 where the iteration that is asked for cannot be used.
 pub(super) fn unfit_iteration(script: &wfl::ResolvedScript, system: &System) -> Option<Diagnostic> {
     let word = script.solver.iter().flat_map(|s| &s.options).find(|o| o.name.name == "cg")?;
-    let d = Diagnostic::new("E442", format!("`cg` cannot be used here: {}", obstacle(system)?));
+    let d = Diagnostic::new(Code::E442, format!("`cg` cannot be used here: {}", obstacle(system)?));
     let text = "conjugate gradients need one symmetric positive definite matrix";
     Some(d.at(word.name.span, text).help("leave `cg` out, or write `direct`"))
 }
@@ -492,7 +497,8 @@ fn short(x: f64) -> f64 {
 fn too_many(steps: &wfl::Steps, from: f64, to: f64, by: f64, n_steps: f64, most: f64) -> Diagnostic {
     // 1e-7 and not 0.0000001
     let by = if by.abs() < 1e-4 { format!("{by:e}") } else { by.to_string() };
-    let d = Diagnostic::new("E430", format!("{n_steps} steps from {from} to {to} by {by}, at most {most} are allowed"));
+    let d =
+        Diagnostic::new(Code::E430, format!("{n_steps} steps from {from} to {to} by {by}, at most {most} are allowed"));
     let d = d.note(
         "report and memory keep about 2 kB of each step; `every` behind the name of an output writes fewer files",
     );
@@ -506,7 +512,8 @@ fn too_many(steps: &wfl::Steps, from: f64, to: f64, by: f64, n_steps: f64, most:
 fn too_many_of_auto(steps: &wfl::Steps, fewest: f64, most: f64, allowed: f64) -> Diagnostic {
     let text = format!("at least {} steps of at most {most:e}, and at most {allowed} are allowed", short(fewest));
     let option = steps.options.iter().find(|o| o.name.name == "most");
-    let d = Diagnostic::new("E430", text).at(option.map_or(steps.by.span, |o| o.name.span), "the largest increment");
+    let d =
+        Diagnostic::new(Code::E430, text).at(option.map_or(steps.by.span, |o| o.name.span), "the largest increment");
     if fewest > MAX_STEPS {
         return d.help(format!("a larger `most`, or none: a scene has at most {MAX_STEPS:e} steps"));
     }

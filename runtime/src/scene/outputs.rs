@@ -14,7 +14,7 @@ use std::{
 };
 
 use wfl::{
-    Diagnostic, Span,
+    Code, Diagnostic, Span,
     ast::{Expr, ExprKind, OptionValue},
 };
 use wfl_compiler::{
@@ -103,7 +103,7 @@ pub(super) struct Target {
 struct Told;
 
 /// Codes of what has no value at a place but may have one elsewhere: fields, other sides, normals.
-const NOT_HERE: [&str; 3] = ["E202", "E203", "E204"];
+const NOT_HERE: [Code; 3] = [Code::E202, Code::E203, Code::E204];
 
 const DEFAULT_POINTS: f64 = 101.0;
 const MAX_POINTS: f64 = 1e6;
@@ -127,7 +127,7 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> Made {
             "csv" if !output.at.is_empty() => series.extend(maker.series(output, &bodies, &faces)),
             "csv" => csv.extend(maker.csv(output, &bodies)),
             other => {
-                let d = Diagnostic::new("E416", format!("no output format `{other}`"));
+                let d = Diagnostic::new(Code::E416, format!("no output format `{other}`"));
                 maker.diagnostics.push(d.at(output.format.span, "known: vtk, csv"));
             }
         }
@@ -227,7 +227,7 @@ impl OutputMaker<'_> {
         let last = faces.last().or(bodies.last());
         let told = at_home.or_else(|| last.and_then(|t| self.try_compile(t, e).err())).unwrap_or(problems);
         let told = if told.is_empty() {
-            let d = Diagnostic::new("E416", "this quantity has a value nowhere");
+            let d = Diagnostic::new(Code::E416, "this quantity has a value nowhere");
             vec![d.at(e.span, "no body and no face has its fields")]
         } else {
             told
@@ -247,7 +247,8 @@ impl OutputMaker<'_> {
         let names = [format!("{}.csv", output.file), step_name(&output.file, LAST, "vtu")];
         let wrong = names.iter().find_map(|name| check_name(name).err());
         if let Some(OutputError::BadName { reason, .. }) = wrong {
-            let d = Diagnostic::new("E710", format!("`{}` cannot be the name of result files: {reason}", output.file));
+            let d =
+                Diagnostic::new(Code::E710, format!("`{}` cannot be the name of result files: {reason}", output.file));
             self.diagnostics.push(
                 d.at(output.format.span, "its files are named after it")
                     .help("results lie in the folder of --out; take a plain name, such as fields"),
@@ -257,17 +258,17 @@ impl OutputMaker<'_> {
 
     fn vtk(&mut self, output: &wfl::Output, bodies: &[Target], faces: &[Target]) -> Option<VtkOutput> {
         if let Some(at) = output.at.first() {
-            let d = Diagnostic::new("E416", "`at` samples points: use `output csv`");
+            let d = Diagnostic::new(Code::E416, "`at` samples points: use `output csv`");
             self.diagnostics.push(d.at(at.span, ""));
             return None;
         }
         if let Some((from, _)) = &output.along {
-            let d = Diagnostic::new("E416", "`along` samples a line: use `output csv`");
+            let d = Diagnostic::new(Code::E416, "`along` samples a line: use `output csv`");
             self.diagnostics.push(d.at(from.span, ""));
             return None;
         }
         if let Some(option) = output.options.first() {
-            let d = Diagnostic::new("E414", format!("option `{}` is not understood here", option.name.name));
+            let d = Diagnostic::new(Code::E414, format!("option `{}` is not understood here", option.name.name));
             self.diagnostics.push(d.at(option.name.span, "points are those of a line: use `output csv`"));
             return None;
         }
@@ -337,7 +338,7 @@ impl OutputMaker<'_> {
         let found = line.found();
         if found.iter().all(|f| !f) && !line.is_empty() {
             let d = Diagnostic::new(
-                "E435",
+                Code::E435,
                 format!("no point of the line of `{}` is in a body of its quantities", output.file),
             );
             let (low, high) = self.parts.mesh.bounds();
@@ -352,19 +353,19 @@ impl OutputMaker<'_> {
         if outside > 0 {
             let held: BTreeSet<usize> = inside.points.iter().flatten().copied().collect();
             let first = (0..missing.len()).find(|k| !held.contains(k)).map_or([0.0; 3], |k| missing[k]);
-            let d = Diagnostic::new("W415", format!("{outside} of {n} points of a line lie outside the mesh"));
+            let d = Diagnostic::new(Code::W415, format!("{outside} of {n} points of a line lie outside the mesh"));
             let text = format!("`nan` there, the first at {:?}", &first[..self.parts.mesh.dim()]);
             self.diagnostics.push(d.at(span, text));
         }
         let between = missing.len() - outside;
         if between > 0 {
             let text = format!("{between} of {n} points of a line lie in no body of its quantities");
-            let d = Diagnostic::new("W415", text).at(span, "`nan` there, in a body that has none of them");
+            let d = Diagnostic::new(Code::W415, text).at(span, "`nan` there, in a body that has none of them");
             self.diagnostics.push(d);
         }
         for name in line.nowhere() {
             let item = output.items.iter().find(|i| i.name == name).map_or(span, |i| i.span);
-            let d = Diagnostic::new("W415", format!("`{name}` lives on no point of this line"));
+            let d = Diagnostic::new(Code::W415, format!("`{name}` lives on no point of this line"));
             self.diagnostics.push(d.at(item, "`nan` in every row").at(span, "the line"));
         }
     }
@@ -377,24 +378,26 @@ impl OutputMaker<'_> {
             let name = (output.format.name.as_str(), output.file.to_lowercase());
             let same = |o: &&wfl::Output| (o.format.name.as_str(), o.file.to_lowercase()) == name;
             if let Some(first) = outputs[..k].iter().find(same) {
-                let d = Diagnostic::new("E433", format!("two outputs write the {} files of `{}`", name.0, output.file));
+                let d =
+                    Diagnostic::new(Code::E433, format!("two outputs write the {} files of `{}`", name.0, output.file));
                 let text = if first.file == output.file { "" } else { "some systems take both names for one" };
                 self.diagnostics.push(d.at(output.span, text).at(first.span, "the first one"));
             }
             let measures = !self.parts.script.measures.is_empty() && self.parts.script.steps.is_none();
             if measures && name.0 == "csv" && format!("{}.csv", name.1) == MEASURES_FILE {
                 let text = format!("the file `{}.csv` is that of the measures of the run", output.file);
-                let d = Diagnostic::new("E433", text).at(output.span, "");
+                let d = Diagnostic::new(Code::E433, text).at(output.span, "");
                 self.diagnostics.push(d.help("another name"));
             }
             for (i, item) in output.items.iter().enumerate() {
                 if item.name == PART && name.0 == "vtk" {
-                    let d =
-                        Diagnostic::new("E433", format!("`{PART}` is the number of the body in a file for viewers"));
+                    let text = format!("`{PART}` is the number of the body in a file for viewers");
+                    let d = Diagnostic::new(Code::E433, text);
                     self.diagnostics.push(d.at(item.span, "").help("u as share gives a quantity another name"));
                 }
                 if let Some(first) = output.items[..i].iter().find(|f| f.name == item.name) {
-                    let d = Diagnostic::new("E433", format!("two quantities of one file are called `{}`", item.name));
+                    let d =
+                        Diagnostic::new(Code::E433, format!("two quantities of one file are called `{}`", item.name));
                     let d = d.at(item.span, "").at(first.span, "the first one");
                     self.diagnostics.push(d.help("u as displacement gives one another name"));
                 }
@@ -422,7 +425,7 @@ impl OutputMaker<'_> {
         }
         let n = number(self.parts.env, "a number of steps", e, self.diagnostics)?;
         if n.fract() != 0.0 || !(1.0..=MAX_EVERY).contains(&n) {
-            let d = Diagnostic::new("E414", format!("`every` takes a whole number from 1, found {n}"));
+            let d = Diagnostic::new(Code::E414, format!("`every` takes a whole number from 1, found {n}"));
             self.diagnostics.push(d.at(e.span, "`every 10` writes each tenth step, and the last one"));
             return None;
         }
@@ -436,7 +439,7 @@ impl OutputMaker<'_> {
         let Some(name) = &output.when else { return Some(None) };
         let found = self.parts.script.events.iter().position(|e| e.name.name == name.name);
         if found.is_none() {
-            let d = Diagnostic::new("E414", format!("`when` takes an event, and `{}` is none", name.name));
+            let d = Diagnostic::new(Code::E414, format!("`when` takes an event, and `{}` is none", name.name));
             self.diagnostics.push(d.at(name.span, "").help("event quake = max(V) on fault > 1e-3"));
             return None;
         }
@@ -478,7 +481,7 @@ impl OutputMaker<'_> {
                     pieces.len() - 1
                 }
                 Err(e) => {
-                    self.diagnostics.push(Diagnostic::new("E416", e.to_string()).at(span, ""));
+                    self.diagnostics.push(Diagnostic::new(Code::E416, e.to_string()).at(span, ""));
                     return;
                 }
             },
@@ -496,7 +499,7 @@ impl OutputMaker<'_> {
             .map_err(|e| e.to_string())
         });
         if let Err(text) = added {
-            self.diagnostics.push(Diagnostic::new("E416", text).at(span, ""));
+            self.diagnostics.push(Diagnostic::new(Code::E416, text).at(span, ""));
         }
     }
 
@@ -560,15 +563,15 @@ impl OutputMaker<'_> {
 
     fn csv(&mut self, output: &wfl::Output, bodies: &[Target]) -> Option<CsvOutput> {
         let Some((from, to)) = &output.along else {
-            let d = Diagnostic::new("E416", "`output csv` needs a line, along [..] to [..], or points: at [..]");
+            let d = Diagnostic::new(Code::E416, "`output csv` needs a line, along [..] to [..], or points: at [..]");
             self.diagnostics.push(d.at(output.format.span, ""));
             return None;
         };
         let a = numbers(self.parts.env, "the start of the line", from, self.diagnostics)?;
         let b = numbers(self.parts.env, "the end of the line", to, self.diagnostics)?;
-        if a.len() != self.parts.mesh.dim() || b.len() != self.parts.mesh.dim() {
-            let d =
-                Diagnostic::new("E108", format!("the ends of a line have {} coordinates here", self.parts.mesh.dim()));
+        let dim = self.parts.mesh.dim();
+        if a.len() != dim || b.len() != dim {
+            let d = Diagnostic::new(Code::E108, format!("the ends of a line have {dim} coordinates here"));
             self.diagnostics.push(d.at(to.span, ""));
             return None;
         }
@@ -579,13 +582,13 @@ impl OutputMaker<'_> {
                     n = number(self.parts.env, "a number of points", e, self.diagnostics)?
                 }
                 (_, name) => {
-                    let d = Diagnostic::new("E414", format!("option `{name}` is not understood here"));
+                    let d = Diagnostic::new(Code::E414, format!("option `{name}` is not understood here"));
                     self.diagnostics.push(d.at(option.name.span, "known: points=101"));
                 }
             }
         }
         if n.fract() != 0.0 || !(1.0..=MAX_POINTS).contains(&n) {
-            let d = Diagnostic::new("E414", format!("a line has 1 to {MAX_POINTS} points, found {n}"));
+            let d = Diagnostic::new(Code::E414, format!("a line has 1 to {MAX_POINTS} points, found {n}"));
             self.diagnostics.push(d.at(output.format.span, ""));
             return None;
         }
@@ -611,7 +614,7 @@ impl OutputMaker<'_> {
                     line.add(mesh, fields, name.clone(), v, located).map_err(|e| e.to_string())
                 });
                 if let Err(text) = added {
-                    self.diagnostics.push(Diagnostic::new("E416", text).at(item.expr.span, ""));
+                    self.diagnostics.push(Diagnostic::new(Code::E416, text).at(item.expr.span, ""));
                 }
             }
         }

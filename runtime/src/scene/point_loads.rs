@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use wfl::{
-    Diagnostic,
+    Code, Diagnostic,
     ast::{Ident, TargetPart},
 };
 use wfl_compiler::{
@@ -47,13 +47,13 @@ impl TermMaker<'_> {
                 None => return,
             },
             TargetPart::Normal => {
-                let d = Diagnostic::new("E204", "`Normal` exists on faces only");
+                let d = Diagnostic::new(Code::E204, "`Normal` exists on faces only");
                 self.diagnostics.push(d.at(target.span, format!("`{}` is a region of nodes", place.name)));
                 return;
             }
         };
         if self.parts.mesh.dim() == 3 && edges::are_in(self.parts.script, &place.name) {
-            let d = Diagnostic::new("E431", format!("`load {}` cannot act along `{}`", field.name, place.name));
+            let d = Diagnostic::new(Code::E431, format!("`load {}` cannot act along `{}`", field.name, place.name));
             let text = "in space a load on edges is one per length, which a rim takes alone";
             let help = "rim of SURFACE where ...; at single nodes: nodes of SURFACE where ...";
             self.diagnostics.push(d.at(place.span, text).help(help));
@@ -62,7 +62,7 @@ impl TermMaker<'_> {
         let domain = match self.at_nodes(field, nodes) {
             Ok(domain) => Arc::new(domain),
             Err((what, help)) => {
-                let d = Diagnostic::new("E431", format!("`load {}` cannot act on `{}`", field.name, place.name));
+                let d = Diagnostic::new(Code::E431, format!("`load {}` cannot act on `{}`", field.name, place.name));
                 self.diagnostics.push(d.at(place.span, what).help(help));
                 return;
             }

@@ -1,6 +1,6 @@
 //! Values that are not terms: initial guesses, given fields.
 
-use wfl::{DataValue, Diagnostic, Span, StartKind, at_expr};
+use wfl::{Code, DataValue, Diagnostic, Span, StartKind, at_expr};
 use wfl_compiler::{compile_value, types::FieldKind, without_fields};
 
 use super::{
@@ -26,12 +26,12 @@ impl Builder<'_> {
             let Some(k) = self.fields.iter().position(|f| f.name == name) else { continue };
             let law = compile_value(self.env, &place, "a nodal value", &e);
             self.diagnostics
-                .extend(law.diagnostics.into_iter().map(|d| without_fields(d, "E407", mesh::POSITIONS_ONLY)));
+                .extend(law.diagnostics.into_iter().map(|d| without_fields(d, Code::E407, mesh::POSITIONS_ONLY)));
             let Some(law) = law.value else { continue };
             let (found, needed) = (law.shape, self.sigs[k].shape);
             if found.len() != needed.len() {
-                let d = Diagnostic::new("E108", format!("`{name}` is a {needed}, found a {found}"));
-                let d = mesh::with_zeros(d, found.len(), needed.len());
+                let d = Diagnostic::new(Code::E108, format!("`{name}` is a {needed}, found a {found}"));
+                let d = mesh::with_zeros(d, &e, found.len(), needed.len());
                 self.diagnostics.push(at_expr(d, &e, self.env.expansions, found.to_string()));
                 continue;
             }
@@ -39,8 +39,8 @@ impl Builder<'_> {
                 Ok(v) if v.reads_positions_only() => {
                     out.push((k, Given::Formula(Box::new(v), format!("{what} `{name}`"), e.span)));
                 }
-                Ok(_) => self.diagnostics.push(Diagnostic::new("E407", mesh::POSITIONS_ONLY).at(e.span, "")),
-                Err(error) => self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, "")),
+                Ok(_) => self.diagnostics.push(Diagnostic::new(Code::E407, mesh::POSITIONS_ONLY).at(e.span, "")),
+                Err(error) => self.diagnostics.push(Diagnostic::new(Code::E609, error.to_string()).at(e.span, "")),
             }
         }
         out
@@ -73,7 +73,7 @@ impl Builder<'_> {
         }
         if out.is_empty() && !self.diagnostics.iter().any(Diagnostic::is_error) {
             let names: Vec<&str> = self.fields.iter().map(|f| f.name.as_str()).collect();
-            let d = Diagnostic::new("E418", format!("`{path}` has no values of a field of this scene"));
+            let d = Diagnostic::new(Code::E418, format!("`{path}` has no values of a field of this scene"));
             self.diagnostics.push(d.at(span, format!("the fields are {}", names.join(", "))));
         }
         out
@@ -84,7 +84,7 @@ impl Builder<'_> {
         let text = match reading::text(self.folder, self.folder, path, InputKind::Values) {
             Ok(text) => text,
             Err(e) => {
-                self.diagnostics.push(unread(&e, "E418", &format!("`{path}` cannot be read")).at(span, ""));
+                self.diagnostics.push(unread(&e, Code::E418, &format!("`{path}` cannot be read")).at(span, ""));
                 return None;
             }
         };
@@ -92,7 +92,7 @@ impl Builder<'_> {
         match PointValues::parse(&text) {
             Ok(table) => Some(table),
             Err(e) => {
-                let d = Diagnostic::new("E418", format!("`{path}` cannot be read: {e}"));
+                let d = Diagnostic::new(Code::E418, format!("`{path}` cannot be read: {e}"));
                 let d = d.help("a line of names (x, y, z, u_1, u_2, ...), then lines of numbers, with commas between");
                 self.diagnostics.push(d.at(span, ""));
                 None
@@ -111,7 +111,7 @@ impl Builder<'_> {
         match table.at_nodes(&f.name, &entries, &nodes, size) {
             Ok(values) => Some((field, Given::Values(values))),
             Err(e) => {
-                let d = Diagnostic::new("E418", format!("`{path}` does not fit `{}`: {e}", f.name));
+                let d = Diagnostic::new(Code::E418, format!("`{path}` does not fit `{}`: {e}", f.name));
                 let text = format!("positions are the same within {SAME_PLACE:e} of the mesh size");
                 self.diagnostics.push(d.at(span, text));
                 None
@@ -136,7 +136,7 @@ impl Builder<'_> {
                         out.push((k, Given::Caller(CallerValues::nothing(&field.name.name, n, field.span))));
                     }
                     DataValue::Missing => {
-                        let d = Diagnostic::new("E415", format!("data `{}` has no value", field.name.name));
+                        let d = Diagnostic::new(Code::E415, format!("data `{}` has no value", field.name.name));
                         self.diagnostics.push(d.at(field.name.span, "write `= expression`, or give it from Python"));
                     }
                 }

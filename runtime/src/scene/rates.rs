@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use wfl::{
-    Diagnostic, FieldKind as Declared, ResolvedScript, StartKind,
+    Code, Diagnostic, FieldKind as Declared, Fix, ResolvedScript, StartKind,
     ast::{Expr, ExprKind, Ident, OptionItem},
     at_expr, split_prefixes,
 };
@@ -168,12 +168,16 @@ impl Builder<'_> {
             });
         }
         if let Some(e) = found {
-            let d =
-                Diagnostic::new("E461", "`Rate` is a change over one step, and the scheme of this scene has others");
+            let d = Diagnostic::new(
+                Code::E461,
+                "`Rate` is a change over one step, and the scheme of this scene has others",
+            );
             let d = at_expr(d, e, self.env.expansions, "").help("scheme backward_euler");
             self.diagnostics.push(match self.script.scheme.as_ref() {
                 Some(statement) => d.at(statement.span, "this scheme"),
-                None => d.note("without `scheme`, steps `by auto` are backward differences of several steps"),
+                None => d
+                    .fix(Fix::AddStatement("scheme backward_euler".to_owned()))
+                    .note("without `scheme`, steps `by auto` are backward differences of several steps"),
             });
         }
     }
@@ -181,7 +185,7 @@ impl Builder<'_> {
     /// The region of `massless=`; a scene without second rates has no mass to give away.
     fn massless(&mut self, option: &OptionItem, statement: &wfl::Scheme, second: bool) -> Option<Ident> {
         let scheme = &statement.name.name;
-        let d = Diagnostic::new("E452", format!("`scheme {scheme}` does not take this `massless`"));
+        let d = Diagnostic::new(Code::E452, format!("`scheme {scheme}` does not take this `massless`"));
         let (text, region) = match &option.value {
             Some(wfl::ast::OptionValue::Expr(Expr { kind: ExprKind::Name(name), span, .. })) => {
                 ("", Some(Ident { name: name.clone(), span: *span }))
@@ -215,7 +219,7 @@ impl Builder<'_> {
     }
 
     fn bad_setting(&mut self, option: &OptionItem, scheme: &str, known: &[(&str, f64, f64, f64)]) {
-        let d = Diagnostic::new("E452", format!("`scheme {scheme}` does not take this `{}`", option.name.name));
+        let d = Diagnostic::new(Code::E452, format!("`scheme {scheme}` does not take this `{}`", option.name.name));
         let list: Vec<String> = known
             .iter()
             .map(|(name, value, low, high)| format!("{name}={value} ({low} to {high})", low = short(*low)))
@@ -233,12 +237,13 @@ impl Builder<'_> {
     fn unfit_scheme(&mut self, scheme: Scheme, statement: &wfl::Scheme) {
         let state = self.fields.iter().find(|f| f.kind == FieldKind::State);
         if scheme == Scheme::Explicit && !self.env.rates.contains(&RateForm::Second) {
-            let d = Diagnostic::new("E457", "explicit steps need a mass, and no term has `Dot2_`");
+            let d = Diagnostic::new(Code::E457, "explicit steps need a mass, and no term has `Dot2_`");
             self.diagnostics.push(d.at(statement.name.span, "").help("rho*Dot2_u.Test_u, or scheme backward_euler"));
         }
         if let (Scheme::Alpha(_), Some(state)) = (scheme, state) {
             let name = &statement.name;
-            let d = Diagnostic::new("E453", format!("`scheme {}` cannot renew the state `{}`", name.name, state.name));
+            let d =
+                Diagnostic::new(Code::E453, format!("`scheme {}` cannot renew the state `{}`", name.name, state.name));
             let d = d.at(name.span, "its equations stand within the step, states are renewed at the end");
             self.diagnostics.push(d.help("scheme newmark beta=1/4 gamma=1/2"));
         }
@@ -252,7 +257,7 @@ impl Builder<'_> {
             let StartKind::Rate { field, value } = &start.kind else { continue };
             let name = &field.name;
             if list.iter().any(|(known, _)| known == name) {
-                let d = Diagnostic::new("E434", format!("two initial rates of `{name}`"));
+                let d = Diagnostic::new(Code::E434, format!("two initial rates of `{name}`"));
                 self.diagnostics.push(d.at(field.span, ""));
                 continue;
             }
@@ -263,7 +268,7 @@ impl Builder<'_> {
                 continue;
             }
             if !is_second {
-                let d = Diagnostic::new("E454", format!("`Dot_{name}` has no initial value of its own"));
+                let d = Diagnostic::new(Code::E454, format!("`Dot_{name}` has no initial value of its own"));
                 let text = format!("no term has `Dot2_{name}`: the rate at the start follows from the equations");
                 self.diagnostics.push(d.at(field.span, text));
                 continue;

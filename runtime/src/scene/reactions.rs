@@ -10,7 +10,7 @@ use std::{
     collections::{BTreeMap, BTreeSet},
 };
 
-use wfl::{Diagnostic, ast::Expr, at_expr, each_name, split_prefixes};
+use wfl::{Code, Diagnostic, ast::Expr, at_expr, each_name, split_prefixes};
 use wfl_compiler::{Constant, Env, InterpreterBackend, compile_value, types::FieldKind};
 
 use super::{Builder, Prescribed, mesh::position_place, rates::Integration};
@@ -149,7 +149,7 @@ impl Builder<'_> {
             // a part of the mesh may have none of them
             if own.is_empty() && self.mesh.is_whole() {
                 let name = &self.fields[field].name;
-                let d = Diagnostic::new("E460", format!("no value of `{name}` is prescribed on `{}`", place.name));
+                let d = Diagnostic::new(Code::E460, format!("no value of `{name}` is prescribed on `{}`", place.name));
                 let d =
                     d.help(format!("fix {name} = ... on {}: the reaction is what prescribed values carry", place.name));
                 self.diagnostics.push(d.at(place.span, "").at(e.span, "nothing carries this"));
@@ -187,7 +187,7 @@ impl Builder<'_> {
             _ if integration.massless.is_some() => "nodes give their mass to others here",
             _ => return Some(()),
         };
-        let d = Diagnostic::new("E460", "the equations do not hold at the end of a step").at(e.span, why);
+        let d = Diagnostic::new(Code::E460, "the equations do not hold at the end of a step").at(e.span, why);
         self.diagnostics.push(d.help("scheme newmark"));
         None
     }
@@ -205,7 +205,7 @@ impl Builder<'_> {
         {
             return Some(field);
         }
-        let d = Diagnostic::new("E460", "a reaction is that of one unknown").at(e.span, "");
+        let d = Diagnostic::new(Code::E460, "a reaction is that of one unknown").at(e.span, "");
         self.diagnostics.push(d.help("measure force = reaction(u(1)) on west; of a scalar: reaction(p)"));
         None
     }
@@ -226,7 +226,7 @@ impl Builder<'_> {
             let size: f64 = parts().map(f64::abs).sum();
             if (found - parts().sum::<f64>()).abs() > LINEAR * size.max(found.abs()) {
                 let name = &self.fields[field].name;
-                let d = Diagnostic::new("E460", format!("this is not linear in `{name}`"));
+                let d = Diagnostic::new(Code::E460, format!("this is not linear in `{name}`"));
                 let d = d.help("a sum of forces: a component u(1), a direction u.[0,1], a moment x*u(2) - y*u(1)");
                 self.diagnostics.push(at_expr(d, e, self.env.expansions, ""));
                 return None;
@@ -247,7 +247,7 @@ impl Builder<'_> {
             .extend(law.diagnostics.into_iter().filter(|d| !self.diagnostics.contains(d)).collect::<Vec<_>>());
         let law = law.value?;
         if !law.shape.is_scalar_like() {
-            let d = Diagnostic::new("E108", format!("a measure is a scalar, found a {}", law.shape));
+            let d = Diagnostic::new(Code::E108, format!("a measure is a scalar, found a {}", law.shape));
             let d = d.help(format!(
                 "one component of the reaction: reaction({}(1)), or reaction({}.[0,1])",
                 sig.name, sig.name
@@ -259,13 +259,13 @@ impl Builder<'_> {
             Ok(value) if value.reads_positions_only() => value.at_positions(positions).ok(),
             Ok(_) => None,
             Err(error) => {
-                self.diagnostics.push(Diagnostic::new("E609", error.to_string()).at(e.span, ""));
+                self.diagnostics.push(Diagnostic::new(Code::E609, error.to_string()).at(e.span, ""));
                 return None;
             }
         };
         if made.is_none() {
             let d = Diagnostic::new(
-                "E460",
+                Code::E460,
                 "what multiplies the unknown in a reaction is a number, or one of the position",
             );
             self.diagnostics.push(at_expr(d, e, self.env.expansions, ""));

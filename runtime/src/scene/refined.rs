@@ -5,7 +5,7 @@
 //! Promises: conditions and regions of a statement are those of the moved mesh of each round; the moved mesh is usable,
 //! or a message says why not.
 
-use wfl::{Diagnostic, Refinement, ResolvedScript, Span, ast::MeshSource};
+use wfl::{Code, Diagnostic, Refinement, ResolvedScript, Span, ast::MeshSource};
 
 use super::{
     conditions::{ConditionMaker, holds, not_a_number},
@@ -63,7 +63,7 @@ impl MeshMaker<'_> {
     fn of_this_mesh(&mut self, marks: &[Mark], mesh: &Mesh) -> Option<()> {
         let Some(mark) = marks.iter().find(|m| m.cell.index() >= mesh.n_cells()) else { return Some(()) };
         let (cell, n) = (mark.cell.index(), mesh.n_cells());
-        let d = Diagnostic::new("E443", format!("the refinement is of another mesh: it marks cell {cell} of {n}"));
+        let d = Diagnostic::new(Code::E443, format!("the refinement is of another mesh: it marks cell {cell} of {n}"));
         let d = d.at(self.script.mesh.as_ref()?.span, "on this mesh");
         self.diagnostics.push(d.help("give the knobs of that run, too: its report names them under `picked`"));
         None
@@ -96,7 +96,7 @@ impl MeshMaker<'_> {
             let cells = self.marked(refinement, shape)?;
             if cells.is_empty() {
                 if round == 0 {
-                    let d = Diagnostic::new("W418", "this refinement changes nothing");
+                    let d = Diagnostic::new(Code::W418, "this refinement changes nothing");
                     let at = refinement.what.condition.as_ref().map_or(refinement.span, |c| c.span);
                     self.diagnostics.push(d.at(at, "no cell has its centre or a vertex there"));
                 }
@@ -116,7 +116,7 @@ impl MeshMaker<'_> {
         let env = bare_env(self.script, dim, self.params);
         let n = number(&env, "a number of rounds", e, self.diagnostics)?;
         if n.fract() != 0.0 || !(0.0..=MOST_ROUNDS).contains(&n) {
-            let d = Diagnostic::new("E443", format!("a mesh is refined a whole number of times, found {n}"));
+            let d = Diagnostic::new(Code::E443, format!("a mesh is refined a whole number of times, found {n}"));
             self.diagnostics.push(wfl::at_expr(d, e, env.expansions, ""));
             return None;
         }
@@ -143,7 +143,7 @@ impl MeshMaker<'_> {
                 return Some(Axes::of(&axes));
             }
         };
-        let d = Diagnostic::new("E443", format!("no refinement along a direction: {why}"));
+        let d = Diagnostic::new(Code::E443, format!("no refinement along a direction: {why}"));
         self.diagnostics.push(d.at(first.span, "of a box of segments, quadrilaterals or hexahedra only"));
         None
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use wfl::{
-    Diagnostic, ResolvedScript, Span,
+    Code, Diagnostic, ResolvedScript, Span,
     ast::{CmpOp, Cond, CondKind, EntityKind, ExprKind, Ident, RegionExpr, RegionOp},
 };
 use wfl_compiler::{Constant, backend::KernelBackend};
@@ -146,7 +146,7 @@ impl RegionMaker<'_> {
                     let made = NamedRegion { set, edges: None, span: None, here_name: None, inside };
                     self.regions.insert(name.clone(), made);
                 }
-                Err(e) => self.diagnostics.push(Diagnostic::new("E410", e.to_string()).at(file, "")),
+                Err(e) => self.diagnostics.push(Diagnostic::new(Code::E410, e.to_string()).at(file, "")),
             }
         }
         let is_region = |name: &str| self.regions.contains_key(name);
@@ -170,7 +170,7 @@ impl RegionMaker<'_> {
             }
             _ => (name.span, String::new()),
         };
-        let d = Diagnostic::new("E402", format!("region `{}` is empty", name.name));
+        let d = Diagnostic::new(Code::E402, format!("region `{}` is empty", name.name));
         self.diagnostics.push(d.at(span, text));
     }
 
@@ -228,7 +228,7 @@ impl RegionMaker<'_> {
             RegionSet::Cells(cells) => Some(cells.clone()),
             other => {
                 let d = Diagnostic::new(
-                    "E405",
+                    Code::E405,
                     format!("`{}` is a region of {}, cells are needed", name.name, other.kind()),
                 );
                 self.diagnostics.push(d.at(name.span, ""));
@@ -248,7 +248,7 @@ impl RegionMaker<'_> {
         match entity {
             EntityKind::Rim | EntityKind::Crossings | EntityKind::Interior if faces.is_empty() => {
                 let text = format!("`{}` is a region of {}, faces are needed", name.name, set.kind());
-                self.diagnostics.push(Diagnostic::new("E405", text).at(name.span, ""));
+                self.diagnostics.push(Diagnostic::new(Code::E405, text).at(name.span, ""));
                 None
             }
             EntityKind::Cells => self.cells_of(name).map(Part::Cells),
@@ -310,7 +310,7 @@ impl RegionMaker<'_> {
         match made {
             Ok(set) => Some(set),
             Err(e) => {
-                let d = Diagnostic::new("E405", e.to_string()).at(span, "");
+                let d = Diagnostic::new(Code::E405, e.to_string()).at(span, "");
                 self.diagnostics.push(match e {
                     RegionError::Overlap { .. } => d.help(
                         "of faces inside one body: interface along s, where s is a surface of the mesh file or other faces",

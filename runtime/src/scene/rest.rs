@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use wfl::{
-    Diagnostic, FieldKind as Declared, Lost, ResolvedScript, Span, StartKind,
+    Code, Diagnostic, FieldKind as Declared, Lost, ResolvedScript, Span, StartKind,
     ast::{
         Cond, EntityKind, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionValue, Place, QuadratureRule,
         RegionExpr, TargetPart,
@@ -173,7 +173,7 @@ pub(super) fn expects(
         let found = constant(&bare_env(script, dim, &in_it), "a measure", &computed.expr);
         diagnostics.extend(found.diagnostics);
         if let Some(value) = found.value.filter(|v| !v.shape.is_scalar_like()) {
-            let d = Diagnostic::new("E108", format!("a measure is a scalar, found a {}", value.shape));
+            let d = Diagnostic::new(Code::E108, format!("a measure is a scalar, found a {}", value.shape));
             diagnostics.push(d.at(computed.expr.span, ""));
         }
         // those behind it may read it
@@ -199,7 +199,7 @@ pub(super) fn expects(
     for expect in &script.expects {
         let told = check_condition(&env, &global_place(0), &expect.condition);
         let over_space = |d: Diagnostic| match d.code {
-            "E105" | "E202" if d.helps.is_empty() => {
+            Code::E105 | Code::E202 if d.helps.is_empty() => {
                 d.help("an `expect` compares measures and params: measure m = max(u(1)) on all, then expect m < 1")
             }
             _ => d,

@@ -7,7 +7,7 @@
 use std::{cell::Cell, collections::BTreeMap, sync::Arc};
 
 use serde::{Deserialize, Serialize};
-use wfl::{Diagnostic, ResolvedScript, ast::Expr};
+use wfl::{Code, Diagnostic, ResolvedScript, ast::Expr};
 use wfl_compiler::{Class, Constant, Env, backend::KernelBackend, types::FieldSig};
 
 use super::{
@@ -111,7 +111,7 @@ impl Scene {
                 });
                 match made {
                     Ok(samples) => out.extend(samples),
-                    Err(text) => problems.push(Diagnostic::new("E416", text).at(expression.span, "")),
+                    Err(text) => problems.push(Diagnostic::new(Code::E416, text).at(expression.span, "")),
                 }
             }
         }

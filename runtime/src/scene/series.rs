@@ -1,6 +1,6 @@
 //! Series over the steps: expressions at points, a row for each point and step.
 
-use wfl::{Diagnostic, Span};
+use wfl::{Code, Diagnostic, Span};
 use wfl_compiler::ValueLaw;
 
 use super::{
@@ -36,7 +36,7 @@ impl OutputMaker<'_> {
         );
         let (low, high) = self.parts.mesh.bounds();
         let dim = self.parts.mesh.dim();
-        let d = Diagnostic::new("W415", text).at(output.at[*first].span, "`nan` in its rows");
+        let d = Diagnostic::new(Code::W415, text).at(output.at[*first].span, "`nan` in its rows");
         self.diagnostics.push(d.note(format!("the mesh spans {:?} to {:?}", &low[..dim], &high[..dim])));
     }
 
@@ -45,14 +45,14 @@ impl OutputMaker<'_> {
         let fields = self.parts.fields;
         let state = states_read(fields, &law.inputs).next().map(|k| fields[k].name.as_str())?;
         let text = format!("`{state}` lives at integration points, and has no value at a point that is asked for");
-        let d = Diagnostic::new("E416", text).at(quantity, format!("`{state}` is a state")).at(at.0, at.1);
+        let d = Diagnostic::new(Code::E416, text).at(quantity, format!("`{state}` is a state")).at(at.0, at.1);
         Some(d.help("measure m = mean(...) on a region, or max, min; output vtk writes its mean over each cell"))
     }
 
     /// A series over the steps at points.
     pub(super) fn series(&mut self, output: &wfl::Output, bodies: &[Target], faces: &[Target]) -> Option<CsvOutput> {
         if let Some(option) = output.options.first() {
-            let d = Diagnostic::new("E414", format!("option `{}` is not understood here", option.name.name));
+            let d = Diagnostic::new(Code::E414, format!("option `{}` is not understood here", option.name.name));
             self.diagnostics.push(d.at(option.name.span, "points are those behind `at`"));
             return None;
         }
@@ -61,7 +61,8 @@ impl OutputMaker<'_> {
         for at in &output.at {
             let x = numbers(self.parts.env, "a point", at, self.diagnostics)?;
             if x.len() != dim || output.at.len() > MAX_AT {
-                let d = Diagnostic::new("E108", format!("a point has {dim} coordinates here; at most {MAX_AT} points"));
+                let d =
+                    Diagnostic::new(Code::E108, format!("a point has {dim} coordinates here; at most {MAX_AT} points"));
                 self.diagnostics.push(d.at(at.span, ""));
                 return None;
             }
@@ -85,14 +86,14 @@ impl OutputMaker<'_> {
                     line.add(mesh, fields, item.name.clone(), v, located).map_err(|e| e.to_string())
                 });
                 if let Err(text) = added {
-                    self.diagnostics.push(Diagnostic::new("E416", text).at(item.expr.span, ""));
+                    self.diagnostics.push(Diagnostic::new(Code::E416, text).at(item.expr.span, ""));
                 }
             }
         }
         let nowhere = if self.parts.mesh.is_whole() { line.nowhere() } else { Vec::new() };
         for name in nowhere {
             let span = output.items.iter().find(|i| i.name == name).map_or(output.span, |i| i.span);
-            let d = Diagnostic::new("E435", format!("`{name}` lives on none of the points of `{}`", output.file));
+            let d = Diagnostic::new(Code::E435, format!("`{name}` lives on none of the points of `{}`", output.file));
             self.diagnostics.push(d.at(span, "").at(output.at[0].span, "the first point"));
         }
         self.points_outside(output, &line);

@@ -9,7 +9,7 @@ use std::{
     sync::Arc,
 };
 
-use wfl::{Diagnostic, FieldKind as Declared, Span, ast::Place};
+use wfl::{Code, Diagnostic, FieldKind as Declared, Span, ast::Place};
 use wfl_compiler::{
     ValueLaw, compile_value,
     types::{FieldKind, InputSlot, PlaceSig},
@@ -118,8 +118,10 @@ impl Builder<'_> {
             let Some(law) = law.value else { continue };
             let (found, needed) = (law.shape, self.sigs[field].shape);
             if found.len() != needed.len() {
-                let d =
-                    Diagnostic::new("E108", format!("`{}` is a {needed}, its update a {found}", declared.name.name));
+                let d = Diagnostic::new(
+                    Code::E108,
+                    format!("`{}` is a {needed}, its update a {found}", declared.name.name),
+                );
                 self.diagnostics.push(wfl::at_expr(d, update, self.env.expansions, found.to_string()));
                 continue;
             }
@@ -165,7 +167,8 @@ impl Builder<'_> {
                 .collect();
             if let Some(pair) = said.windows(2).find(|pair| pair[0].1 != pair[1].1) {
                 let names: Vec<&str> = shared.states.iter().map(|k| self.fields[*k].name.as_str()).collect();
-                let d = Diagnostic::new("E411", format!("two quadrature rules for the state `{}`", names.join("`, `")));
+                let d =
+                    Diagnostic::new(Code::E411, format!("two quadrature rules for the state `{}`", names.join("`, `")));
                 let d = d.at(pair[1].0.span, "these terms contain it too");
                 self.diagnostics.push(d.at(pair[0].0.span, "all terms with a state share one rule"));
                 continue;
@@ -203,13 +206,13 @@ impl Builder<'_> {
             let value = match Value::new(state.law, self.batch) {
                 Ok(value) => value,
                 Err(e) => {
-                    self.diagnostics.push(Diagnostic::new("E609", e.to_string()).at(state.span, ""));
+                    self.diagnostics.push(Diagnostic::new(Code::E609, e.to_string()).at(state.span, ""));
                     continue;
                 }
             };
             match value.bind(&self.mesh, domain, &self.fields) {
                 Ok(sampled) => out.push(StateUpdate { field: state.field, value, sampled, nodes }),
-                Err(e) => self.diagnostics.push(Diagnostic::new("E202", e.to_string()).at(state.span, "")),
+                Err(e) => self.diagnostics.push(Diagnostic::new(Code::E202, e.to_string()).at(state.span, "")),
             }
         }
         out

@@ -6,7 +6,7 @@
 use std::{cell::RefCell, collections::BTreeMap};
 
 use wfl::{
-    Diagnostic, ResolvedScript, Span,
+    Code, Diagnostic, ResolvedScript, Span,
     ast::{Expr, Ident},
 };
 use wfl_compiler::{Constant, InterpreterBackend, compile_value};
@@ -44,7 +44,7 @@ impl Along<'_> {
             RegionSet::Interface(pairs) => Ok(pairs.clone()),
             other => {
                 let text = format!("`{}` is a region of {}", surface.name, other.kind());
-                let d = Diagnostic::new("E405", format!("{text}, faces inside a body are needed"));
+                let d = Diagnostic::new(Code::E405, format!("{text}, faces inside a body are needed"));
                 self.diagnostics.push(d.at(surface.span, ""));
                 return None;
             }
@@ -91,7 +91,7 @@ impl Along<'_> {
         let law = law.value?;
         if law.shape.len() != dim {
             let d = Diagnostic::new(
-                "E108",
+                Code::E108,
                 format!("the direction of `towards` has {dim} components here, found a {}", law.shape),
             );
             self.diagnostics.push(wfl::at_expr(d, e, env.expansions, ""));
@@ -100,11 +100,11 @@ impl Along<'_> {
         match Value::new(law, &InterpreterBackend) {
             Ok(v) if v.reads_positions_only() => Some(v),
             Ok(_) => {
-                self.diagnostics.push(Diagnostic::new("E407", POSITIONS_ONLY).at(e.span, ""));
+                self.diagnostics.push(Diagnostic::new(Code::E407, POSITIONS_ONLY).at(e.span, ""));
                 None
             }
             Err(e2) => {
-                self.diagnostics.push(Diagnostic::new("E609", e2.to_string()).at(e.span, ""));
+                self.diagnostics.push(Diagnostic::new(Code::E609, e2.to_string()).at(e.span, ""));
                 None
             }
         }
@@ -121,7 +121,7 @@ fn without_sides(error: &SheetError, surface: &Ident, span: Span, towards: Optio
     let name = &surface.name;
     match error {
         SheetError::OneSided { facets, total, .. } => {
-            let d = Diagnostic::new("E405", format!("no interface lies along `{name}`: {error}"));
+            let d = Diagnostic::new(Code::E405, format!("no interface lies along `{name}`: {error}"));
             let d = d.at(surface.span, "faces between two cells of the mesh are needed");
             let mixed = format!("{name} - boundary has those inside only");
             d.help(if facets < total {
@@ -131,13 +131,13 @@ fn without_sides(error: &SheetError, surface: &Ident, span: Span, towards: Optio
             })
         }
         SheetError::OneSide { .. } => {
-            let d = Diagnostic::new("E436", format!("`{name}` cannot be oriented: {error}")).at(span, "");
+            let d = Diagnostic::new(Code::E436, format!("`{name}` cannot be oriented: {error}")).at(span, "");
             d.help(
                 "cut it into surfaces with two sides each (physical groups of the mesh file): one interface for each",
             )
         }
         SheetError::Along { .. } => {
-            let d = Diagnostic::new("E437", format!("`{name}` has no side there: {error}"));
+            let d = Diagnostic::new(Code::E437, format!("`{name}` has no side there: {error}"));
             d.at(towards.map_or(span, |e| e.span), "")
                 .help("a direction that leaves the sheet; it may depend on the position: towards [x,y,0]")
         }

@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use wfl::{
-    Curve, Diagnostic, ResolvedScript, StartKind,
+    Code, Curve, Diagnostic, ResolvedScript, StartKind,
     ast::{Argument, Expr, ExprKind},
     cond_children,
 };
@@ -108,7 +108,7 @@ fn times(steps: &Steps) -> Vec<f64> {
 fn outside(table: &OverSteps<'_>, time: f64, argument: f64, env: &Env<'_>) -> Diagnostic {
     let (first, last) = table.curve.range();
     let variable = env.step_variable.unwrap_or("t");
-    let d = Diagnostic::new("E447", format!("the table {} has no row at {variable} = {time}", table.curve.name));
+    let d = Diagnostic::new(Code::E447, format!("the table {} has no row at {variable} = {time}", table.curve.name));
     let d = d.help(if argument > last {
         format!("end the steps there, add rows, or hold the last value: min({variable}, {last})")
     } else {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use wfl::{
-    Diagnostic, Span,
+    Code, Diagnostic, Span,
     ast::{Ident, TargetPart},
 };
 use wfl_compiler::{
@@ -142,8 +142,10 @@ impl TermMaker<'_> {
         let region = self.parts.regions.get(&place.name)?;
         let support = region.support();
         if let RegionSet::Nodes(_) = support {
-            let d =
-                Diagnostic::new("E405", format!("nothing can be integrated over `{}`, a region of nodes", place.name));
+            let d = Diagnostic::new(
+                Code::E405,
+                format!("nothing can be integrated over `{}`, a region of nodes", place.name),
+            );
             let d = d.at(place.span, "cells, faces or the rim of faces are needed");
             self.diagnostics.push(d.help("a force at nodes is a load: load u = [0,-1] on the region"));
             return None;
@@ -160,7 +162,7 @@ impl TermMaker<'_> {
         if region.edges.as_ref().is_none_or(|edges| !edges.is_empty()) || !self.parts.mesh.is_whole() {
             return Some(());
         }
-        let d = Diagnostic::new("E490", format!("no edge lies in `{}`: nothing is integrated over it", place.name));
+        let d = Diagnostic::new(Code::E490, format!("no edge lies in `{}`: nothing is integrated over it", place.name));
         let text = format!("{} single nodes of a rim", region.set.len());
         let d = d.help("rim of SURFACE where ...: a condition that holds at both ends of its edges and between");
         self.diagnostics.push(d.at(place.span, text));
@@ -195,7 +197,7 @@ impl TermMaker<'_> {
         let set = restricted(field, &of_list);
         if self.parts.mesh.team().all(set.is_empty()) {
             let d = Diagnostic::new(
-                "E401",
+                Code::E401,
                 format!("`load {}` meets no part of `{}`", target.field.name, target.field.name),
             );
             let text = format!("the {} {} of `{}` belong to other fields", of_list.len(), of_list.kind(), place.name);
@@ -254,7 +256,7 @@ impl<'s> Listed<'s> {
                 let many = if shared == 1 { format!("1 {one}") } else { format!("{shared} {one}s") };
                 let text =
                     format!("`{}` and `{}` have {many} in common: what is in both counts once", name.name, place.name);
-                let d = Diagnostic::new("W420", text).at(place.span, format!("{shared} of {}", set.len()));
+                let d = Diagnostic::new(Code::W420, text).at(place.span, format!("{shared} of {}", set.len()));
                 let d = d.at(name.span, "");
                 let d = d.help("a list is the union of its regions; what is to count twice stands in two statements");
                 if !diagnostics.contains(&d) {
@@ -300,7 +302,7 @@ pub(super) fn component(
         return Some(x as usize - 1);
     }
     let list: Vec<String> = (1..=n).map(|k| k.to_string()).collect();
-    let d = Diagnostic::new("E104", format!("index {x} is out of range")).note("indices start at 1, as in GWFL");
+    let d = Diagnostic::new(Code::E104, format!("index {x} is out of range")).note("indices start at 1, as in GWFL");
     let words = if n == 1 {
         "a scalar has one component".to_owned()
     } else {
@@ -381,13 +383,13 @@ pub(super) fn domain(
         _ => Domain::new(mesh, set, &make),
     };
     if let Some(e) = refused.get() {
-        diagnostics.push(Diagnostic::new("E411", e.to_string()).at(span, ""));
+        diagnostics.push(Diagnostic::new(Code::E411, e.to_string()).at(span, ""));
         return None;
     }
     match made {
         Ok(d) => Some(Arc::new(d)),
         Err(e) => {
-            diagnostics.push(Diagnostic::new("E409", e.to_string()).at(span, ""));
+            diagnostics.push(Diagnostic::new(Code::E409, e.to_string()).at(span, ""));
             None
         }
     }

@@ -4,7 +4,7 @@
 //! the order of summands, do not matter: laws that read the same numbers and give the same fluxes for some of them are one.
 //! Places of one statement are not compared with each other.
 
-use wfl::{Diagnostic, Span};
+use wfl::{Code, Diagnostic, Span};
 use wfl_compiler::{Class, TermLaw, interpret, ir::VerifiedKernel, types::InputSlot};
 
 use super::{Builder, terms::PlacedLaw};
@@ -24,7 +24,7 @@ impl Builder<'_> {
             }
             told.push((first.span, law.span));
             let what = if law.load.is_some() { "load" } else { "term" };
-            let d = Diagnostic::new("W516", format!("the same {what} twice on `{}`", law.place));
+            let d = Diagnostic::new(Code::W516, format!("the same {what} twice on `{}`", law.place));
             let text = if law.load.is_some() { "this load acts in addition" } else { "this term is added once more" };
             let d = d.at(law.span, text).at(first.span, "the first one");
             self.diagnostics.push(d.help("remove one of them; if both are meant, write one with the factor 2"));

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use wfl::{Diagnostic, Span, ast::Cond};
+use wfl::{Code, Diagnostic, Fix, Span, ast::Cond};
 use wfl_compiler::{KinkKind, locate};
 use wfl_runtime::{
     AttemptEnd, Episode, FRUITLESS, Outcome, RunError, Scene, Singular, StepResult,
@@ -88,7 +88,7 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
             n => format!(" ({n} attempts)"),
         };
         let mut d = Diagnostic::new(
-            "E603",
+            Code::E603,
             format!(
                 "step t = {} did not converge in {} iterations{attempts}: residual {residual:.1e}",
                 step.time,
@@ -126,7 +126,7 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
 fn not_as_expected(scene: &Scene, outcome: &Outcome, picked: Option<&str>) -> Vec<Said> {
     let broken = outcome.expectations.iter().filter(|(_, holds)| *holds != Some(true));
     let told = |expect: &wfl::Expect| {
-        let d = Diagnostic::new("E604", "an expectation of the scene does not hold");
+        let d = Diagnostic::new(Code::E604, "an expectation of the scene does not hold");
         let d = d.at(expect.span, sides(scene, &expect.condition, &outcome.known));
         match picked {
             Some(setting) => d
@@ -173,7 +173,7 @@ fn not_finite(loaded: &Loaded, outcome: &Outcome) -> Vec<Said> {
             Some(place) => Said::Message(place.diagnostic(&loaded.script.expansions, time)),
             None => {
                 let text = format!("the measure `{name}` is {} at t = {time}", word(value));
-                Said::Message(Diagnostic::new("E611", text))
+                Said::Message(Diagnostic::new(Code::E611, text))
             }
         });
     }
@@ -191,7 +191,7 @@ fn sides(scene: &Scene, condition: &Cond, known: &[(String, f64)]) -> String {
 
 /// True if a Nitsche parameter is below its smallest safe value.
 fn is_below(loaded: &Loaded) -> bool {
-    loaded.messages.iter().any(|d| d.code == "W503")
+    loaded.messages.iter().any(|d| d.code == Code::W503)
 }
 
 /// W602 for a step whose branches were those of two iterations before: between which branches points go to and fro.
@@ -212,7 +212,7 @@ fn circle(loaded: &Loaded, scene: &Scene, step: &StepResult) -> Option<Diagnosti
         _ => format!("{n} points switch {}", moved.join("/")),
     };
     let text = format!("{who} alternately since iteration {first}");
-    let d = Diagnostic::new("W602", "the active set cycles");
+    let d = Diagnostic::new(Code::W602, "the active set cycles");
     let d = d.note(format!(
         "step t = {}; the residual alternates {:.4}, {:.4}",
         step.time, last[1].residual, last[2].residual
@@ -224,6 +224,9 @@ fn circle(loaded: &Loaded, scene: &Scene, step: &StepResult) -> Option<Diagnosti
         format!("{search}smaller load steps: steps ... by a smaller value")
     };
     let d = d.help(help);
+    let may_search = !search.is_empty() && !is_below(loaded) && loaded.script.solver.is_none();
+    let statement = may_search.then(|| Fix::AddStatement("solver newton with search=auto".to_owned()));
+    let d = statement.into_iter().fold(d, Diagnostic::fix);
     Some(match kink.origin {
         Some(origin) => locate(d, origin, &loaded.script.expansions, text),
         None => d.note(text),
@@ -332,7 +335,7 @@ pub fn stopped(loaded: &Loaded, scene: &Scene, error: &RunError) -> Said {
     match error {
         RunError::Newton { time, error: inner, .. } => newton_stopped(loaded, scene, *time, inner),
         RunError::Start(bad) => Said::Message(bad.diagnostic(&loaded.script.expansions, None)),
-        RunError::State { .. } => Said::Message(Diagnostic::new("E612", error.to_string())),
+        RunError::State { .. } => Said::Message(Diagnostic::new(Code::E612, error.to_string())),
         RunError::NoEquations | RunError::NotOfThisScene | RunError::Begun => Said::Text(format!("error: {error}\n")),
         RunError::Output(error) => Said::Text(told(error)),
         RunError::Checkpoint(error) => Said::Text(told_of_resuming(error)),
@@ -347,7 +350,7 @@ fn newton_stopped(loaded: &Loaded, scene: &Scene, time: f64, inner: &NewtonError
         NewtonError::Solve(SolveError::Singular { mode, .. }) => {
             let dofs = mode.dofs_above(0.1);
             let names = moving_fields(scene, dofs.as_slice());
-            let d = Diagnostic::new("E602", format!("step t = {time}: nothing supports {names}"));
+            let d = Diagnostic::new(Code::E602, format!("step t = {time}: nothing supports {names}"));
             let d = d.at_or_note(place_of_dof(loaded, scene, dofs.first()), "it moves freely");
             let d = d.note(format!("the tangent is singular: {inner}"));
             Said::Message(d.help("prescribe a displacement of it, or press it against a supported body"))
@@ -356,7 +359,7 @@ fn newton_stopped(loaded: &Loaded, scene: &Scene, time: f64, inner: &NewtonError
             let free = u32::try_from(*dof).ok();
             let names = free.map_or_else(|| "the scene".to_owned(), |d| moving_fields(scene, &[d]));
             let at = place_of(scene, *dof);
-            let d = Diagnostic::new("E602", format!("step t = {time}: almost no stiffness supports {names}{at}"));
+            let d = Diagnostic::new(Code::E602, format!("step t = {time}: almost no stiffness supports {names}{at}"));
             let d = d.at_or_note(
                 place_of_dof(loaded, scene, free.as_ref()),
                 "a body slides as a whole, or its contact is far stiffer than it",
@@ -373,20 +376,20 @@ fn newton_stopped(loaded: &Loaded, scene: &Scene, time: f64, inner: &NewtonError
             Said::Message(told.unwrap_or_else(|| undetermined(loaded, why, time)))
         }
         NewtonError::TooMuchMemory(need) => Said::Message(too_much_memory(need)),
-        other => Said::Message(Diagnostic::new("E602", format!("step t = {time}: {other}"))),
+        other => Said::Message(Diagnostic::new(Code::E602, format!("step t = {time}: {other}"))),
     }
 }
 
 /// E606 where there is no place in the scene.
 #[must_use]
 pub fn too_much_memory(need: &TooMuchMemory) -> Diagnostic {
-    let d = Diagnostic::new("E606", need.to_string());
+    let d = Diagnostic::new(Code::E606, need.to_string());
     d.help("fewer cells, a lower degree, or more memory: --memory 16GB")
 }
 
 /// E602 for a tangent of which is known what it leaves undetermined, at the field or the term it is about.
 fn undetermined(loaded: &Loaded, why: &Singular, time: f64) -> Diagnostic {
-    let mut d = Diagnostic::new("E602", format!("step t = {time}: {}", why.what));
+    let mut d = Diagnostic::new(Code::E602, format!("step t = {time}: {}", why.what));
     if let Some(span) = declaration(loaded, &why.name) {
         d = d.at(span, "");
     }
@@ -407,7 +410,7 @@ fn held_by_nothing(loaded: &Loaded, scene: &Scene, dofs: &[u32]) -> Option<Diagn
         return None;
     }
     let d = Diagnostic::new(
-        "E403",
+        Code::E403,
         format!("`{name}` has no stiffness at the start: its row of the first tangent is zero"),
     );
     let d = d.at(declared.name.span, "every term with it is inactive");
@@ -449,7 +452,7 @@ fn non_finite(loaded: &Loaded, place: &NonFinitePlace, time: f64) -> Diagnostic 
     );
     let nan = place.cause.as_ref().is_none_or(|c| c.result.is_nan());
     let what = if nan { "not a number" } else { "an infinite number" };
-    let d = Diagnostic::new("E601", format!("{what} in the residual of `{}`", place.term));
+    let d = Diagnostic::new(Code::E601, format!("{what} in the residual of `{}`", place.term));
     finite::told(d, place.cause.as_ref(), &at, &loaded.script.expansions, None)
 }
 
@@ -457,7 +460,7 @@ fn non_finite(loaded: &Loaded, place: &NonFinitePlace, time: f64) -> Diagnostic 
 fn unbounded(loaded: &Loaded, bad: &BadState, time: f64) -> Diagnostic {
     let at = position(bad.position);
     let text = format!("step t = {time}: the {} of `{}` is {} at {at}", bad.what, bad.field, word(bad.value));
-    let mut d = Diagnostic::new("E612", text);
+    let mut d = Diagnostic::new(Code::E612, text);
     if let Some(declared) = declaration(loaded, &bad.field) {
         d = d.at(declared, "");
     }

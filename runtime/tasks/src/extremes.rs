@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{Outcome, Progress, RunOptions, newton::Iteration, prepare, run};
 
@@ -208,7 +208,7 @@ fn one(job: &Job<'_>, word: Option<String>, limit: Option<Duration>) -> Trial {
     let messages: Vec<Diagnostic> = loaded.messages.iter().cloned().chain(prepared.diagnostics).collect();
     let line = |d: &Diagnostic| format!("{}: {}", d.code, d.message);
     if let Some(error) = messages.iter().find(|d| d.is_error()) {
-        let outside = error.code == "E701";
+        let outside = error.code == Code::E701;
         return Trial { ending: if outside { Ending::Outside } else { Ending::Refused }, ..refused(line(error)) };
     }
     let Some(scene) = prepared.scene else { return refused("no scene".to_owned()) };

@@ -10,7 +10,7 @@ use std::{
 };
 
 use wfl::{
-    DataValue, Diagnostic, Field, FieldKind, Loader, Override, ResolvedScript, Source, SourceId, SourceMap, Span,
+    Code, DataValue, Diagnostic, Field, FieldKind, Loader, Override, ResolvedScript, Source, SourceId, SourceMap, Span,
     Unloaded,
     ast::{Place, Rank, Space},
     parse_expr, resolve,
@@ -141,7 +141,7 @@ impl Loaded {
         let has_error = self.messages.iter().any(Diagnostic::is_error);
         if has_error {
             // what a broken statement would have used is no leftover
-            self.messages.retain(|d| d.code != "W702");
+            self.messages.retain(|d| d.code != Code::W702);
         }
         prepared.scene.filter(|_| !has_error)
     }
@@ -386,7 +386,7 @@ fn command_line(
         }
         if let Some((count, meant)) = apart(&words[k..]) {
             let text = words[k..k + count].join(" ");
-            let d = Diagnostic::new("E703", format!("`{text}` is not NAME=VALUE"));
+            let d = Diagnostic::new(Code::E703, format!("`{text}` is not NAME=VALUE"));
             diagnostics.push(d.at(span(id, start, start + text.len()), "").help(format!("without spaces: {meant}")));
             taken = k + count;
             continue;
@@ -427,7 +427,7 @@ fn span(source: SourceId, start: usize, end: usize) -> Span {
 }
 
 fn one_override(word: &str, whole: Span, sources: &SourceMap) -> Result<Override, Vec<Diagnostic>> {
-    let wrong = |text: String, note: &str| Err(vec![Diagnostic::new("E703", text).at(whole, "").help(note)]);
+    let wrong = |text: String, note: &str| Err(vec![Diagnostic::new(Code::E703, text).at(whole, "").help(note)]);
     let Some((name, value)) = word.split_once('=') else {
         return wrong(format!("`{word}` is not NAME=VALUE"), "gamma=1e6 replaces the value of param gamma");
     };

@@ -90,13 +90,13 @@ pub fn judge(mutant: &Mutant, out: Option<PathBuf>) -> Verdict {
     let prepared = ready(mutant, &backend, &[]);
     let Some(scene) = prepared.scene else {
         let error = prepared.diagnostics.iter().find(|d| d.is_error());
-        return Verdict::Refused(error.map_or("no code", |d| d.code).to_owned());
+        return Verdict::Refused(error.map_or("no code", |d| d.code.as_str()).to_owned());
     };
     // what is not needed is no word about the numbers
     let (unused, told): (Vec<&Diagnostic>, Vec<&Diagnostic>) =
         prepared.diagnostics.iter().partition(|d| d.code == "W702");
     if let Some(d) = told.first() {
-        return Verdict::Warned(d.code.to_owned());
+        return Verdict::Warned(d.code.to_string());
     }
     if let Some(code) = told_before(&scene) {
         return Verdict::Warned(code.to_owned());

@@ -1,10 +1,10 @@
 //! E6: the run. E7: parameters, files and folders of results. E8: not supported.
 
-use super::{CodePage, page};
+use super::{Code, CodePage};
 
-pub(super) const PAGES: &[CodePage] = &[
+pages! {
     page(
-        "E601",
+        E601,
         "an undefined value in the run",
         "A formula gave infinity or an undefined value at a point: a logarithm or root of a negative number, a \
          division by zero. The run stops; the message has the place and the values.",
@@ -12,7 +12,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def mu = log(1 + Norm(u))",
     ),
     page(
-        "E602",
+        E602,
         "a singular load step",
         "The linear system of a load step is singular: a change of the unknowns leaves all equations unchanged. The \
          message names the field, describes the change and says which term should resist it. Common causes: a rigid \
@@ -26,7 +26,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "fix u = [0,0,0] on west",
     ),
     page(
-        "E603",
+        E603,
         "a load step that did not converge",
         "Newton's method reached its last iteration above the tolerance. Smaller increments were tried first, until \
          the failed attempts had taken ten times `max_iter` iterations. The step is marked in the report, its fields \
@@ -36,14 +36,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver newton with max_iter=50",
     ),
     page(
-        "E604",
+        E604,
         "an expectation that does not hold",
         "The condition of an `expect` statement is false, or not a number, at the end of the run.",
         "measure m = mean(u(1)) on all\nexpect m > 1e30",
         "measure m = mean(u(1)) on all\nexpect m < 1e30",
     ),
     page(
-        "E605",
+        E605,
         "an accuracy that was not reached",
         "The estimated error was not as small as demanded when the time of `--budget` or the memory was used up, or the \
          estimates did not fall. Or a part of the error that refinement does not reduce is larger: the boundary of a \
@@ -55,7 +55,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver newton with accuracy=1e-2",
     ),
     page(
-        "E606",
+        E606,
         "not enough memory",
         "A mesh, a matrix, its factor or a file does not fit into the memory of the machine, of its control group, of \
          the address space (`ulimit -v`) or of `--memory`. Large allocations are estimated beforehand; the message \
@@ -65,7 +65,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "mesh box [0,0,0] to [1,1,1] cells [16,16,16]",
     ),
     page(
-        "E609",
+        E609,
         "machine code could not be made",
         "The program could not compile a formula for this machine. This is a fault of the program, not of the scene; \
          please report it with the scene.",
@@ -73,7 +73,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def b = gamma",
     ),
     page(
-        "E610",
+        E610,
         "a given value that is not finite",
         "A prescribed value, an initial guess, a data field, a mapping or the map of the mesh is infinite or undefined \
          at a node or point: a division by zero, a logarithm of a negative number, a number above 1.8e308. The message \
@@ -82,7 +82,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "fix u(1) = 1/(1 + x) on west",
     ),
     page(
-        "E611",
+        E611,
         "a measure that is not finite",
         "A measure is infinite or undefined: its expression divides by zero at a point, or its region has no size. The \
          results are written, but the run has not succeeded: exit code 1.",
@@ -90,7 +90,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "measure m = mean(u(1)) on west",
     ),
     page(
-        "E612",
+        E612,
         "a state that is not finite",
         "An unknown, or a nodal force that follows from it, exceeds the largest number (1.8e308), or the update of a \
          state is infinite or undefined. Such a state is never a solution; it is neither written nor measured. \
@@ -99,7 +99,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "fix u(1) = 1e-3 on west",
     ),
     page(
-        "E613",
+        E613,
         "a load that nothing balances",
         "The equation of a number of the whole scene (the depth of a punch that a force drives) has a constant load, and \
          what the other terms give to it has the same sign whatever the number is: contact can only push. The sum is \
@@ -109,7 +109,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "term contact on top : pos_part(Pn)*(Test_u.Normal + Test_d)\nterm weight on global : -P*Test_d",
     ),
     page(
-        "E614",
+        E614,
         "an interface that drives its sides",
         "One body is moved a little as a whole, in each direction and both ways: the forces of a law between two bodies \
          resist such a motion or do not meet it. Those of this term do work with every motion that they meet, opening \
@@ -119,14 +119,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "term cohesion on fault : k*jump(uL,uR).jump(Test_uL,Test_uR)",
     ),
     page(
-        "E701",
+        E701,
         "a param outside its bounds",
         "A value, often from the command line, is not in the range or set that the declaration allows.",
         "wfl run fault.wfl theta=2",
         "wfl run fault.wfl theta=1",
     ),
     page(
-        "E702",
+        E702,
         "a param or option that is not finite",
         "A value that is computed before the run is infinite or undefined, for example because it exceeds the largest \
          number.",
@@ -134,14 +134,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "param a = 1e200",
     ),
     page(
-        "E703",
+        E703,
         "a value for a name that is no param",
         "On the command line NAME=VALUE replaces the value of a param that the scene declares. The note lists them.",
         "wfl run fault.wfl gama=1e4",
         "wfl run fault.wfl gamma=1e4",
     ),
     page(
-        "E710",
+        E710,
         "an output with a name that is no file name",
         "Results are files of the results folder, named after their output. A name is one that every system has: no path, \
          no dot at its beginning, none of < > : \" | ? *, no dot or blank at its end, none of the names that Windows keeps \
@@ -150,7 +150,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "output vtk \"fields\" : u",
     ),
     page(
-        "E711",
+        E711,
         "a results folder that another process writes to",
         "A run, a sweep or a report locks its folder while it writes. The system releases the lock when the process \
          ends, also when it is killed. Wait until it has ended, or write elsewhere.",
@@ -158,7 +158,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "wfl run fault.wfl --out out/second",
     ),
     page(
-        "E712",
+        E712,
         "a foreign file in the results folder",
         "Only files that the manifest of a results folder names are replaced or removed. If another file, a folder or \
          a link has the name of a result, the run does not begin. Move it away, or write elsewhere.",
@@ -166,7 +166,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "wfl run fault.wfl --out out/fault",
     ),
     page(
-        "E713",
+        E713,
         "a folder with results of another kind",
         "The folder has the results of a run and a sweep is to be written there, or the other way round. A folder \
          holds one of them.",
@@ -174,7 +174,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "wfl sweep fault.wfl gamma=1e4,1e6 --out out/sweep",
     ),
     page(
-        "E714",
+        E714,
         "results of another run",
         "`--resume` continues the same run only. A run is identified by everything it reads: texts, mesh and data \
          files, values of parameters, knobs, precision, and the version of the program. The message names what \
@@ -183,7 +183,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "wfl run fault.wfl gamma=1e4 --resume",
     ),
     page(
-        "E715",
+        E715,
         "damaged or missing results",
         "A file of a results folder differs from what was written, or is missing: the manifest of the folder has the \
          size and the hash of each file. Such a file is neither continued nor shown.",
@@ -191,7 +191,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "wfl run fault.wfl",
     ),
     page(
-        "E716",
+        E716,
         "a result with the name of an input file",
         "An output has the name of a mesh, data or start file of the scene in the same folder, which it would replace. \
          Give the output another name, or write elsewhere.",
@@ -199,7 +199,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "wfl run layers.wfl --out out/layers",
     ),
     page(
-        "E717",
+        E717,
         "results cannot be written",
         "The system refused to write a file or a folder: the disc is full, or the folder is write-protected. Files \
          written before are complete. `--resume` continues a run; a sweep continues when it is started again.",
@@ -207,7 +207,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "wfl run fault.wfl --out /other/disc --resume",
     ),
     page(
-        "E801",
+        E801,
         "GWFL that this program does not have",
         "Cut elements, elementary transformations, two-domain integrals and complex fields are not available. A crack \
          that follows faces is an interface between two regions of cells.",
@@ -215,11 +215,11 @@ pub(super) const PAGES: &[CodePage] = &[
         "term jump on fault : (uL - Interpolate(uR, neighbor_element)).Test_uL",
     ),
     page(
-        "E802",
+        E802,
         "something that is not available yet",
         "The language has this feature, but the program does not support it yet. The message says what to write \
          instead.",
         "mapping m = point [1 - x, y, z]\noutput csv \"r\" : Interpolate(u, m) along [0,0] to [1,1]",
         "mapping m = point [1 - x, y, z]\nmeasure r = max(Norm(Interpolate(u, m))) on all",
     ),
-];
+}

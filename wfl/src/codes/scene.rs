@@ -1,10 +1,10 @@
 //! E4: the scene. E5: units.
 
-use super::{CodePage, page};
+use super::{Code, CodePage};
 
-pub(super) const PAGES: &[CodePage] = &[
+pages! {
     page(
-        "E401",
+        E401,
         "a condition without nodes",
         "The region of a `fix` or `load` contains no node, or no part, of the field. Often the field is defined on the \
          other side of the interface.",
@@ -12,14 +12,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "region east = faces where x == 1\nfix uR = [0,0,0] on east",
     ),
     page(
-        "E402",
+        E402,
         "an empty region",
         "No cell, face or node satisfies the condition. `==` compares coordinates up to rounding only.",
         "region east = faces where x == 1.01",
         "region east = faces where x == 1",
     ),
     page(
-        "E403",
+        E403,
         "an unknown without stiffness at the start",
         "A row of the first tangent is zero: the unknown occurs only in contact terms that are open at the start. \
          Start from a state in contact, or add a term that gives the unknown a stiffness.",
@@ -27,7 +27,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "unknown d : scalar global\nstart d = -1.01\nterm contact on west : pos_part(u.Normal - d - 1)*(Test_u.Normal - Test_d)",
     ),
     page(
-        "E405",
+        E405,
         "a region of the wrong kind",
         "Terms are integrated over cells, faces or the rim of faces, fields are defined on cells or faces, and an interface \
          lies between two regions of cells, or along faces inside the mesh. A region of nodes can only be fixed and loaded.",
@@ -35,7 +35,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "region side = faces where x == 0\nterm t on side : u.Test_u",
     ),
     page(
-        "E406",
+        E406,
         "an element that does not exist here",
         "P elements belong to segments, triangles and tetrahedra, Q elements to segments, quadrilaterals and \
          hexahedra. On wedges, pyramids and meshes of several kinds of cells both letters say the same: P on triangular \
@@ -44,14 +44,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "unknown p : scalar Q2",
     ),
     page(
-        "E407",
+        E407,
         "a value that cannot be prescribed",
         "Prescribed and nodal values are formulas of x, y, z and the variable of `steps`, without unknowns.",
         "fix u(1) = u(2) on west",
         "fix u(1) = y*z on west",
     ),
     page(
-        "E408",
+        E408,
         "a box that cannot be built",
         "Both corners have the same number of coordinates, the shape of the cells fits the dimension, and there is \
          one whole number of cells for each direction, or one for all.",
@@ -59,14 +59,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex",
     ),
     page(
-        "E409",
+        E409,
         "a mesh that cannot be used",
         "Every cell needs a positive volume, and every face belongs to at most two cells. A `map` may invert cells.",
         "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex map [x, y, 0*z]",
         "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex map [x, y, 2*z]",
     ),
     page(
-        "E410",
+        E410,
         "a mesh file that cannot be used",
         "The file is missing, has an unknown format, or contains cells or groups that contradict each other. The \
          message names the place.",
@@ -74,14 +74,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "mesh file \"plate.msh\"",
     ),
     page(
-        "E411",
+        E411,
         "a quadrature rule that does not exist",
         "The degree of a quadrature rule is a whole number up to a fixed limit.",
         "quadrature on fault degree 2.5",
         "quadrature on fault degree 3",
     ),
     page(
-        "E412",
+        E412,
         "a system that is too large",
         "The number of unknowns, or of matrix entries, exceeds the range of the integers that count them. A lack of \
          memory (E606) is reported before. A coarser mesh or a lower degree has fewer unknowns.",
@@ -89,7 +89,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "mesh box [0,0,0] to [1,1,1] cells [15,15,15] hex",
     ),
     page(
-        "E413",
+        E413,
         "steps that do not reach the last value",
         "The increment has the wrong sign, is zero, or needs too many steps from the first to the last value. A scene \
          with rates starts at the first value and needs a second one.",
@@ -97,21 +97,21 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by 0.1",
     ),
     page(
-        "E414",
+        E414,
         "an option value that is not understood",
         "The option exists, but not with this value. The message lists the values.",
         "solver newton with search=maybe",
         "solver newton with search=auto",
     ),
     page(
-        "E415",
+        E415,
         "data without a value",
         "A `data` field needs a formula or a file, unless the program that embeds the scene gives its values.",
         "data k : scalar",
         "data k : scalar = 1 + x",
     ),
     page(
-        "E416",
+        E416,
         "an output that cannot be written",
         "`output vtk` writes fields on the mesh, `output csv` samples along a line, `along A to B`, or at points, `at A`. \
          Quantities have up to two indices. A quantity with a state has values at integration points alone: at a point, also \
@@ -121,7 +121,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "output csv \"line\" : u along [0,0,0] to [1,1,1]",
     ),
     page(
-        "E417",
+        E417,
         "a parameter for which `auto` has no value",
         "`auto` stands for the parameter of Nitsche's method, or for a factor of it. Its value follows from the \
          stiffness of the elements at the interface. A penalty parameter has no such value: it depends on the accuracy \
@@ -130,7 +130,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "param gamma = 1e5",
     ),
     page(
-        "E418",
+        E418,
         "nodal values in a file that do not match the mesh",
         "The file has a line of names and then a line of numbers for each node, separated by commas: x, y, z, then u \
          for a scalar, u_1, u_2, ... for a vector. Each node needs a line with its coordinates, within 1e-9 of the \
@@ -139,7 +139,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "data k : scalar = 1 + x",
     ),
     page(
-        "E419",
+        E419,
         "a mapping without an image",
         "No point of the region has an image. `within` is the largest distance from a point to its image; a ray meets \
          faces whose normal opposes it; the image of a `point` mapping must lie in a cell where the fields are defined \
@@ -150,28 +150,28 @@ pub(super) const PAGES: &[CodePage] = &[
          measure far = max(Norm(Interpolate(u, m))) on west",
     ),
     page(
-        "E421",
+        E421,
         "a scene without a mesh",
         "A scene needs one `mesh` statement: a box, or a file with cells and named groups.",
         "unknown p : scalar",
         "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex\nunknown p : scalar",
     ),
     page(
-        "E422",
+        E422,
         "a scene without a term",
         "The sum of all terms is zero for every test function: without a term there is no equation.",
         "unknown p : scalar",
         "unknown p : scalar\nterm flow on all : Grad_p.Grad_Test_p - Test_p",
     ),
     page(
-        "E423",
+        E423,
         "a scene without an unknown",
         "A scene needs a field to solve for. Data and states are known; multipliers act on unknowns.",
         "data p : scalar = 1",
         "unknown p : scalar",
     ),
     page(
-        "E424",
+        E424,
         "a statement that may occur once only",
         "A scene has one mesh, one `steps` and one `solver`. The message shows the first one; merge both into one \
          statement.",
@@ -179,7 +179,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver newton with tol=1e-8",
     ),
     page(
-        "E425",
+        E425,
         "cells without a term",
         "The mesh has cells without an equation: a hole in the model. Often the conditions of two regions leave a gap \
          between them, or a group of the mesh file has no term. If this is intended, write `with idle_cells=allowed` \
@@ -190,7 +190,7 @@ pub(super) const PAGES: &[CodePage] = &[
          term base on left, right : sigma(u):Grad_Test_u",
     ),
     page(
-        "E430",
+        E430,
         "very many load steps",
         "More than 100,000 steps need `with most=` in the statement; of steps by `auto`, whose `most` is the largest \
          increment, `with count=`. Memory and report keep about 1 kB for each step, and every output writes a file for \
@@ -199,7 +199,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by 1e-3",
     ),
     page(
-        "E431",
+        E431,
         "nodal forces that cannot be applied",
         "A load on a region of nodes is a force at each node. Each node must belong to the field and be unique: not a \
          node of another body, not a node that `split` duplicates.",
@@ -207,7 +207,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "region tips = nodes of left where x == 0\nload uL = [0,0,-1] on tips",
     ),
     page(
-        "E432",
+        E432,
         "a prescribed value that another one replaces",
         "Two `fix` statements prescribe different values of one displacement at every node of the earlier statement, \
          which is then without effect. Equal values give no message. A value that changes with the load is one formula \
@@ -216,7 +216,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "fix u = [0.1,0,0] on west",
     ),
     page(
-        "E433",
+        E433,
         "two outputs with one name",
         "Files with one name would replace each other, and so would quantities with one name in a file. On some \
          systems names that differ only in upper and lower case are the same.",
@@ -224,14 +224,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "output vtk \"plate\" : u\noutput vtk \"strains\" : Grad_u as strain",
     ),
     page(
-        "E434",
+        E434,
         "a quantity stated twice",
         "Of two quadrature rules on one region, or two initial guesses of one field, one would be lost.",
         "quadrature on all degree 4\nquadrature on all degree 6",
         "quadrature on all degree 6",
     ),
     page(
-        "E435",
+        E435,
         "a line or a point outside all bodies",
         "No point of the line of an `output csv` lies in a body where one of its quantities is defined: every row \
          would be `nan`. Or the point of a measure lies in no body that has its expression.",
@@ -239,7 +239,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "output csv \"line\" : u along [0,0,0] to [1,0,0]",
     ),
     page(
-        "E436",
+        E436,
         "a surface with one side",
         "`interface along s` needs two sides. A way round this surface leads from one of its sides to the other, as on a \
          Moebius strip, so no choice of the normal is continuous. Divide it into surfaces that can be oriented, with an \
@@ -249,7 +249,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "region one = interface along first_half\nregion two = interface along second_half",
     ),
     page(
-        "E437",
+        E437,
         "a direction that chooses no side",
         "Of `interface along s towards v`, Normal points to the side where its scalar product with v, integrated over \
          each connected sheet of s, is positive. Here this integral is zero: v is zero, or lies along the sheet. The \
@@ -259,7 +259,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "region crack = interface along fault towards [1,0,0]",
     ),
     page(
-        "E440",
+        E440,
         "a tolerance that is too large",
         "`tol` is the relative residual at which the iteration stops. Above 0.1 every state, including the initial \
          guess, would count as a solution, and all results would be wrong.",
@@ -267,7 +267,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver newton with tol=1e-10",
     ),
     page(
-        "E441",
+        E441,
         "an expression that is too deep",
         "A chain of more than 10,000 operations, each on the result of the one before: a product of vectors and \
          matrices with that many factors, or nested sums. Its derivatives do not fit into the available memory. Sums, \
@@ -276,7 +276,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def a = x^3",
     ),
     page(
-        "E442",
+        E442,
         "an iteration that the scene does not allow",
         "`cg` solves by conjugate gradients, preconditioned by multigrid (`amg`). They need a linear scene with one \
          symmetric positive definite matrix: no multipliers, no terms that are not symmetric, no unknowns that follow \
@@ -286,7 +286,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver linear with direct",
     ),
     page(
-        "E443",
+        E443,
         "a refinement that cannot be made",
         "`times` is a whole number of rounds, 0 or more. `along x, y` divides the cells of a box in these directions \
          only: segments, quadrilaterals and hexahedra. Triangles and tetrahedra are bisected and have no directions, and \
@@ -295,7 +295,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "refine where x < 0.5 times 2 along x",
     ),
     page(
-        "E445",
+        E445,
         "an event that is no comparison of two numbers",
         "An event lasts while one number is larger than another: `event quake = max(V) on fault > 1e-3`. The numbers are \
          made of parameters, measures, the step variable, and of max(e), min(e), mean(e) or integral(e) on a region.",
@@ -303,7 +303,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "measure top = max(x) on all\nevent high = top > 1",
     ),
     page(
-        "E446",
+        E446,
         "a file that is no table",
         "`table(\"history.csv\", t)` reads a line of names, which may be left out and may have units, and then rows of \
          numbers with commas between: `t [s],q [MPa]`, `0,0`, `10,2.5`. Rows are sorted by the first column, and no \
@@ -313,7 +313,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by 0.5\nload u = [0.1*t,0,0] on left",
     ),
     page(
-        "E447",
+        E447,
         "a value outside the rows of a table",
         "A table is linear between its rows and says nothing outside them. Add rows, end the steps where the rows end, or \
          hold the last value: `table(\"history.csv\", min(t, 10))`.",
@@ -321,7 +321,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 2 by 0.5\nload u = [table(\"history.csv\", min(t, 1)),0,0] on left",
     ),
     page(
-        "E451",
+        E451,
         "a second rate that nothing determines",
         "Dot2_u is the second rate of an unknown or multiplier with Dot2_u in a term. Without such a term the equations \
          say nothing of it; known fields have none.",
@@ -329,7 +329,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nmeasure a = max(Dot2_u(1)) on all",
     ),
     page(
-        "E452",
+        E452,
         "a setting that a scheme does not take",
         "newmark has beta (more than 0, at most 1) and gamma (1/2 to 1; of second order with 1/2), hht has alpha (-1/3 to \
          0), generalised_alpha has rho_inf (0 to 1), explicit has fraction (above 0, at most 0.95), bdf3, bdf2 and \
@@ -339,7 +339,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=-0.1",
     ),
     page(
-        "E453",
+        E453,
         "a scheme that cannot renew states",
         "The equations of hht and generalised_alpha stand within the step, the values of a state at its end: what a state \
          becomes would not belong to the displacements. newmark, bdf3, bdf2 and backward_euler have both at the \
@@ -350,7 +350,7 @@ pub(super) const PAGES: &[CodePage] = &[
          scheme newmark",
     ),
     page(
-        "E454",
+        E454,
         "an initial rate that follows from the equations",
         "A field with Dot2_u in a term starts with a value and a rate. A field with a first rate only starts with a value: \
          its rate at the start follows from the equations.",
@@ -358,7 +358,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by 0.1\nterm damper on all : Dot2_u.Test_u\nstart Dot_u = [1,0,0]",
     ),
     page(
-        "E455",
+        E455,
         "a mass that cannot be lumped",
         "`scheme explicit` puts the mass on the diagonal: the sums of the rows of the mass matrix. They must be positive, and \
          they must stay the same. Elements of degree 2 on triangles and tetrahedra have rows whose sum is zero or \
@@ -371,7 +371,7 @@ pub(super) const PAGES: &[CodePage] = &[
          term stress on all : Grad_u.Grad_Test_u\nscheme explicit\nsteps t = 0 to 1 by auto",
     ),
     page(
-        "E456",
+        E456,
         "a step above the stability limit",
         "Central differences are stable for steps up to 2/w with the highest frequency w of the bodies on their lumped mass, \
          less with damping that does not stand on the diagonal. The message has the limit, computed at the start. Steps \
@@ -383,7 +383,7 @@ pub(super) const PAGES: &[CodePage] = &[
          start u = x\nscheme explicit\nsteps t = 0 to 10 by auto",
     ),
     page(
-        "E457",
+        E457,
         "equations that explicit steps do not solve",
         "`scheme explicit` solves no system: each unknown follows from its own mass. A multiplier, an unknown without `Dot2_` \
          in a term, and one with a first rate alone have none. Contact is then written as a penalty or by Nitsche's method; an \
@@ -396,7 +396,7 @@ pub(super) const PAGES: &[CodePage] = &[
          fix p = 1 on boundary\nstart u = x\nscheme newmark\nsteps t = 0 to 1 by 0.01",
     ),
     page(
-        "E460",
+        E460,
         "a reaction that there is not",
         "`reaction(u(1))` is the sum of the forces that prescribed values carry at the nodes of a region: minus what is left \
          of their equations. Some value of the unknown must be prescribed there, and the argument is linear in one unknown. \
@@ -405,7 +405,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "measure force = reaction(u(1)) on west",
     ),
     page(
-        "E461",
+        E461,
         "a change over the step that is not known",
         "`Rate(e)` is the value of e less that at the end of the previous step, over the increment. It is the rate of the \
          scheme with `scheme backward_euler` alone: backward differences of several steps (what `by auto` takes), Newmark's \
@@ -417,7 +417,7 @@ pub(super) const PAGES: &[CodePage] = &[
          load p = 1 on all\nfix p = 0 on west\nsteps t = 0 to 1 by 0.1",
     ),
     page(
-        "E462",
+        E462,
         "a balance that adds up nothing",
         "`balance water of p, pf` adds the equations of scalar unknowns. Equations of displacements are forces: what carries \
          them is measured by `reaction(u(1))`.",
@@ -425,7 +425,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "unknown p : scalar\nterm flow on all : Grad_p.Grad_Test_p\nload p = 1 on all\nfix p = 0 on west\nbalance water of p",
     ),
     page(
-        "E470",
+        E470,
         "a derivative that does not exist, or not yet",
         "`--gradient` differentiates measures in parameters of terms, loads, states, prescribed and first values, data and \
          measures. No derivative follows parameters of the mesh, of regions, mappings, steps and options, values `auto`, rates \
@@ -436,7 +436,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "measure excess = mean(pos_part(Norm(u) - 1)) on all",
     ),
     page(
-        "E490",
+        E490,
         "a rim without edges",
         "Terms, loads and integrals on the rim of a surface are taken along its edges. An edge lies in the region where the \
          condition holds at both of its ends and in its middle; single nodes of a rim can be fixed, and have no length.",
@@ -446,7 +446,7 @@ pub(super) const PAGES: &[CodePage] = &[
          term flow on fault : Grad_p.Grad_Test_p\nterm out on side : p*Test_p",
     ),
     page(
-        "E501",
+        E501,
         "units that do not match",
         "Both sides of a sum must have the same unit. Units are checked as soon as a param, field or datum has one. A \
          penalty parameter is a stress over a length.",
@@ -454,11 +454,11 @@ pub(super) const PAGES: &[CodePage] = &[
         "param a = 1 [mm]\nparam b = 1 [mm]\nmeasure c = max(a + b) on all",
     ),
     page(
-        "E502",
+        E502,
         "a unit that is not known",
         "Units are SI units with their prefixes (N, Pa, J, W, g, m, s, K, A, mol) and a few others: bar, psi, t, L, in, \
          ft, min, h, day, year, rad, deg, degC. A product is written with `*`, `/` and whole powers.",
         "param E = 2e5 [MPaa]",
         "param E = 2e5 [MPa]",
     ),
-];
+}

@@ -1,10 +1,10 @@
 //! W4: the scene. W5: formulations. W6: the run. W7: leftovers.
 
-use super::{CodePage, page};
+use super::{Code, CodePage};
 
-pub(super) const PAGES: &[CodePage] = &[
+pages! {
     page(
-        "W404",
+        W404,
         "multiplier components without a jump",
         "A multiplier component is dropped where it would make the system singular: prescribed values leave no jump \
          for it, or at the edge of two surfaces another multiplier constrains the same jump. Components that can jump \
@@ -18,7 +18,7 @@ pub(super) const PAGES: &[CodePage] = &[
          term glue on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l",
     ),
     page(
-        "W405",
+        W405,
         "duplicate nodes in one body",
         "Two different nodes of cells of one body have the same coordinates: the body is torn there. Mesh generators \
          leave such pairs where volumes were not fused. They are not merged automatically.",
@@ -26,14 +26,14 @@ pub(super) const PAGES: &[CodePage] = &[
         "mesh file \"fused.msh\"",
     ),
     page(
-        "W406",
+        W406,
         "points without an image",
         "Some points of a term have no image under its mapping. The term is not integrated there.",
         "mapping m = point [x + 0.5, y, z]\nmeasure r = max(Norm(Interpolate(u, m))) on all",
         "mapping m = point [x + 0.5, y, z]\nmeasure r = max(Norm(Interpolate(u, m))) on left",
     ),
     page(
-        "W407",
+        W407,
         "a renamed group of the mesh file",
         "The name of the group is built in, used by a group of another dimension, or declared by the scene. The \
          message gives its name in the scene; another name in the mesh generator avoids the conflict.",
@@ -41,7 +41,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "mesh file \"blocks.msh\"\nregion near = cells where x < 0",
     ),
     page(
-        "W410",
+        W410,
         "a last step that is shorter than the others",
         "The last value of `steps` is met exactly. If the increment does not divide the interval, the last step is \
          shorter. Another increment makes all steps equal.",
@@ -49,7 +49,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by 0.25",
     ),
     page(
-        "W411",
+        W411,
         "a statement without effect",
         "The statement does not change any result: a quadrature rule where nothing is integrated, a term that is zero, \
          an initial guess where every value is prescribed, steps whose variable is not used. Often the name or the \
@@ -58,7 +58,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "quadrature on all degree 9",
     ),
     page(
-        "W412",
+        W412,
         "a load on prescribed displacements",
         "The load, or the term on faces, acts on displacements that are prescribed on its whole region: the support takes \
          it, and no unknown changes. A load on a partly free region gives no warning.",
@@ -66,7 +66,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "region east = faces where x == 1\nload u(1) = 1 on east",
     ),
     page(
-        "W413",
+        W413,
         "different prescribed values at common nodes",
         "The regions of two `fix` statements overlap, and their values differ at the common nodes. There the later \
          statement holds. Equal values give no warning.",
@@ -74,7 +74,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "region lid = faces where x == 1\nfix u = [0,0,0] on west\nfix u(3) = 0.1 on lid",
     ),
     page(
-        "W414",
+        W414,
         "an unknown that no term determines",
         "No term contains the unknown, often because a parameter that multiplies all of them is 0. Prescribed values \
          hold; all other values keep what `start` says, or 0, also in measures and outputs.",
@@ -82,7 +82,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "unknown v : scalar\nparam k = 1\nterm heat on all : k*Grad_v.Grad_Test_v\nfix v = 7 on west\nmeasure top = max(v) on all",
     ),
     page(
-        "W415",
+        W415,
         "points of a line outside the bodies",
         "A line of `output csv` leaves the mesh, or passes through no body where one of its quantities is defined. The \
          file has `nan` there.",
@@ -90,7 +90,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "output csv \"line\" : u along [0,0,0] to [1,0,0]",
     ),
     page(
-        "W416",
+        W416,
         "free nodes between fixed ones",
         "A region of nodes consists of mesh nodes. A field of degree 2 or more has further nodes on edges and faces. A \
          `fix` on the region leaves those free, and the body deforms there. A region of faces includes them.",
@@ -98,7 +98,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "unknown u : vector Q2\nregion side = faces where x == 1\nfix u(1) = 0 on side",
     ),
     page(
-        "W417",
+        W417,
         "a jump of a field that has one value",
         "The term, measure or output has the difference of the values on both sides of faces, and the field has the same \
          unknowns on both sides of all of them: the difference is zero for every state, a pressure on the crack does \
@@ -108,7 +108,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "split u across fault\nterm spring on fault : gamma*jump(u,u).jump(Test_u,Test_u)",
     ),
     page(
-        "W418",
+        W418,
         "a refinement that changes nothing",
         "No cell of the mesh has its centre or a vertex where the condition of `refine` holds, or none lies at its \
          regions. The condition is that of the mesh after its `map`; a region smaller than a cell is met where it has a \
@@ -117,7 +117,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "refine where x > 0.9 times 3",
     ),
     page(
-        "W419",
+        W419,
         "a condition that cuts what it selects",
         "A face belongs to a region where its corners and its centre meet the condition, a cell where its centre does. A \
          condition that ends inside faces or cells selects other ones than it says: the message has the part of the area \
@@ -128,7 +128,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "region part = faces where x == 1 and y <= 0.5\nload u = [0,1,0] on part",
     ),
     page(
-        "W420",
+        W420,
         "regions of a list that overlap",
         "`on a, b` means the union of both regions: what belongs to several regions of a list counts once, in terms, \
          loads, integrals and means. Two statements, one for each region, add what they say where these overlap.",
@@ -136,7 +136,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "region east = faces where x == 1\nregion part = faces where x == 0 and y <= 0.5\nload u = [0,1,0] on east, part",
     ),
     page(
-        "W421",
+        W421,
         "a step variable that is coarser than its steps",
         "Numbers have 16 digits: far from zero the values of the step variable are rounded to a visible part of a step. \
          Increments are those that the scene says, so rates are right; formulas of the variable, such as a load, are taken \
@@ -145,7 +145,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by 0.005",
     ),
     page(
-        "W422",
+        W422,
         "units that fit in other coordinates only",
         "The terms of an equation have one unit only if coordinates are in a length, or time is in a unit, that the scene \
          names nowhere. Numbers \
@@ -157,7 +157,7 @@ pub(super) const PAGES: &[CodePage] = &[
          term base on all : E*Sym(Grad_u):Grad_Test_u\nload u = [0,q,0] on east",
     ),
     page(
-        "W423",
+        W423,
         "cells that run clockwise",
         "The nodes of plane cells stand in a file in clockwise order, along a curve loop or surface of the mesh generator \
          that runs the other way. They were put in the other order; places, groups and results do not depend on it. A \
@@ -166,7 +166,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "mesh file \"plate.msh\"",
     ),
     page(
-        "W501",
+        W501,
         "a discontinuous term without a derivative",
         "Heaviside and sign have derivative 0. A term that depends on an unknown only through them looks constant to \
          Newton's method. A product with the argument, such as pos_part, has a derivative.",
@@ -174,7 +174,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "term t on fault : pos_part(Pn)*(Test_uL.Normal)",
     ),
     page(
-        "W502",
+        W502,
         "a radius that may be negative",
         "Ball_projection with a negative radius gives 0. If the radius changes its sign with the contact pressure, \
          write its positive part.",
@@ -182,7 +182,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "term t on fault : Ball_projection(uL, fric*pos_part(Pn)).Test_uL",
     ),
     page(
-        "W503",
+        W503,
         "a Nitsche parameter below its coercivity bound",
         "Below (1+theta)^2/4 times the trace constant of the elements the problem is not coercive, and Newton's method \
          may fail. The message has the smallest safe value on this mesh.",
@@ -190,7 +190,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "param gamma = 1e6",
     ),
     page(
-        "W504",
+        W504,
         "a Nitsche parameter out of proportion",
         "The parameter is far below or far above E/h of the cells at the interface: digits of the pressure or of the \
          jump are lost to rounding. The message has the usual value on this mesh.",
@@ -198,7 +198,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "param gamma = 1e6",
     ),
     page(
-        "W505",
+        W505,
         "terms of different units in one equation",
         "The sum of all terms with one test function is zero, so all integrated terms have the same unit. A term on \
          faces has a unit with one length less than a term on cells.",
@@ -208,7 +208,7 @@ pub(super) const PAGES: &[CodePage] = &[
          term push on west : p*(Normal.Test_u)",
     ),
     page(
-        "W506",
+        W506,
         "a quadrature rule with fewer points than a face has nodes",
         "The degree in `quadrature` gives fewer points on a face than the unknowns have nodes. Displacements that \
          vanish at these points cause no force of the term: contact does not resist them, and the tangent may be \
@@ -219,7 +219,7 @@ pub(super) const PAGES: &[CodePage] = &[
          term tie on fault : gamma*jump(uL,uR).jump(Test_uL,Test_uR)",
     ),
     page(
-        "W507",
+        W507,
         "contact terms that do not balance the traction of the bodies",
         "The contact terms were tested at a point of the faces with bodies of constant stress: no gap, pressed and \
          sheared within the friction bound. A consistent method, whose projections contain stresses or multipliers, \
@@ -231,7 +231,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def Pn = gamma*(jump(uL,uR).Normal) - trac(uL).Normal",
     ),
     page(
-        "W508",
+        W508,
         "theta terms of Nitsche's method that do not cancel",
         "In closed contact the terms tested with the stress of the test function cancel: the linear term, -theta/gamma \
          times the traction, and the contribution of the projections. Here one is missing or has a wrong sign or \
@@ -240,7 +240,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def Ptheta = gamma*jump(Test_uL,Test_uR) - theta*trac(Test_uL)",
     ),
     page(
-        "W509",
+        W509,
         "a multiplier whose law contradicts equilibrium",
         "In closed contact the multiplier that balances the stress of the bodies does not satisfy its own equation, \
          and no other value satisfies both. The multiplier has a wrong sign in the projections, in the force or in its \
@@ -249,7 +249,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "term law on fault : -1/gamma*(lambda + force).Test_lambda",
     ),
     page(
-        "W510",
+        W510,
         "contact forces with the wrong sign",
         "The contact terms were tested at a point of the faces with bodies of constant stress, open and sliding. The \
          terms transmit a force across an open gap that grows with the gap, or friction drives the slip. A jump or a \
@@ -258,7 +258,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def Pn = gamma*(jump(uL,uR).Normal) - trac(uL).Normal",
     ),
     page(
-        "W511",
+        W511,
         "a quadrature rule that leaves hourglass modes",
         "The degree in `quadrature` gives so few points in a cell that some deformations have no strain at any of them, \
          and so no stiffness. The tangent of one cell has fewer nonzero singular values than under a finer rule. If \
@@ -269,7 +269,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "unknown u : vector Q2\nterm body on all : Sym(Grad_u):Grad_Test_u\nquadrature on all degree 4",
     ),
     page(
-        "W512",
+        W512,
         "a load that its quadrature rule does not resolve",
         "A rule of a higher degree changes the nodal forces of the load by more than a tenth: the load has a peak \
          between the points, jumps inside cells, or a pole at an edge. Displacements are wrong by about the same part. \
@@ -279,7 +279,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "region top = faces where y == 1\nload u = [0,-1/(1 + x)] on top",
     ),
     page(
-        "W513",
+        W513,
         "a nearly incompressible body on elements of degree 1",
         "The body resists changes of volume like one with a Poisson number above 0.495, and its elements have degree 1. \
          Such elements lock: hardly a deformation of them keeps the volume of every cell, so displacements are too small \
@@ -290,7 +290,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "term body on all : 1e4*Div_u*Div_Test_u + Sym(Grad_u):Grad_Test_u\nunknown u : vector Q2",
     ),
     page(
-        "W514",
+        W514,
         "a law that a rotation of the body changes",
         "A rotation strains no body: it gives no stress, turns the stress that is there, and a stress that is symmetric \
          keeps moments in balance. The law of the displacement, the sum of its terms on cells, was tried at points with \
@@ -304,7 +304,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "term base on all : Div_u*Div_Test_u + 2*Sym(Grad_u):Grad_Test_u\nunknown u : vector",
     ),
     page(
-        "W515",
+        W515,
         "a shear that is counted twice or half",
         "The stiffness of the body is that of an isotropic material, but for a factor of exactly 2, 4, 1/2 or 1/4 on its \
          shear. An engineering shear strain, g(1,2) + g(2,1), is twice the component of the strain tensor: one was taken \
@@ -316,7 +316,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def e(g) = 0.5*(g + g')\nterm base on all : (Div_u*Id(3) + 2*e(Grad_u)):Grad_Test_u\nunknown u : vector",
     ),
     page(
-        "W516",
+        W516,
         "the same statement twice",
         "Two terms, or two loads, have the same law on the same entities, whatever their names and those of their regions \
          are: it acts twice, and stiffness or load are doubled. Two equal `fix` statements hold once and give no warning.",
@@ -324,7 +324,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "load u = [1,0,0] on west\nregion east = faces where x == 1\nfix u = [0,0,0] on east",
     ),
     page(
-        "W517",
+        W517,
         "a contact distance with the wrong sign",
         "The contact term reads the other side through a mapping onto its faces, so the mesh knows how far the sides are \
          apart along the normal. The distance that the law takes, seen in its argument without displacement, is the opposite \
@@ -334,7 +334,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def gap = (Interpolate(X, m) - X).Normal",
     ),
     page(
-        "W520",
+        W520,
         "pressures that alternate from point to point",
         "Inside the zone of contact the pressure of a term jumps up and down between neighbouring points by more than a fifth \
          of its mean, on more than a third of the area; a smooth pressure, the edge of a punch and the edge of the zone do \
@@ -349,7 +349,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "term contact on top : 1e6*pos_part(u(2) - x^2)*Test_u(2)",
     ),
     page(
-        "W602",
+        W602,
         "a cycle of active sets",
         "Newton's method met the same active set again at the same load: some points alternate between stick and slip, \
          or between open and closed. A line search or smaller load steps break the cycle.",
@@ -357,7 +357,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver newton with search=auto",
     ),
     page(
-        "W605",
+        W605,
         "a result with few correct digits",
         "Rounding alone changes the unknowns by more than a thousandth of their size: the tangent is ill-conditioned. \
          Usually a penalty or Nitsche parameter is far above E/h, or a material is nearly incompressible. The report \
@@ -366,7 +366,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "param gamma = 1e6",
     ),
     page(
-        "W606",
+        W606,
         "a mechanical condition that does not hold",
         "A converged state violates a condition that every solution satisfies; the message has the worst load step, \
          the value and its limit. Loads and reactions balance, and the forces on both sides of an interface are equal \
@@ -385,7 +385,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "param gamma = 1e6",
     ),
     page(
-        "W607",
+        W607,
         "a singular tangent at the initial state",
         "The tangent at zero is singular or not finite, as for a p-Laplacian. The load step started from a linear \
          field of small slope instead. If there are several solutions, `start` selects one.",
@@ -393,7 +393,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "term law on all : Norm_sqr(Grad_u)*(Grad_u:Grad_Test_u)\nload u = [0,0,-1] on all\nstart u = [0, 0, -0.001*x]",
     ),
     page(
-        "W609",
+        W609,
         "the solution may not be unique",
         "A load step may have several solutions: friction with a large coefficient or a wedged body, and Nitsche's \
          method with gamma far below E/h. There are three indications. Piecewise-linear path following reached the \
@@ -406,7 +406,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "param fric = 5\nsteps t = 0 to 10 by 0.1",
     ),
     page(
-        "W610",
+        W610,
         "a result that is not finite",
         "A quantity of a result file, or a printed one, is infinite or undefined at a point. The file has nan or inf \
          there; the message has the first place.",
@@ -414,7 +414,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "output vtk \"out\" : u(1) as a",
     ),
     page(
-        "W611",
+        W611,
         "a body that is not positive definite",
         "The terms of a field on cells have a negative stiffness in some direction: E below 0, a Poisson number \
          outside -1 to 0.5, a diffusivity below 0, or a term with the wrong sign. The stiffness is computed from the \
@@ -425,7 +425,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "param E = 1000",
     ),
     page(
-        "W612",
+        W612,
         "a projection radius that is negative at every point",
         "The radius of a projection on a ball is a negative number. The projection then gives 0 for every argument: \
          friction or plasticity is lost. A radius of 0 means no friction; a negative one is a wrong sign.",
@@ -433,7 +433,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def t = Ball_projection(u, 0.4)",
     ),
     page(
-        "W615",
+        W615,
         "friction that does not dissipate energy",
         "Friction dissipates energy. In the load step named, the friction forces as a whole returned energy instead. \
          The usual cause is a law for the total slip: it is valid for increasing loads, and when the loads decrease it \
@@ -445,7 +445,7 @@ pub(super) const PAGES: &[CodePage] = &[
          state slid : vector on fault := Previous_slid + (Pt - Ball_projection(Pt, fric*pos_part(Pn)))/gamma",
     ),
     page(
-        "W616",
+        W616,
         "cells turned inside out",
         "A load step ended with cells in which the determinant of the deformation gradient, Id + Grad_u, is not positive \
          at a point of the rule: no body can be in such a state, although the equations hold. Laws with a finite stress \
@@ -458,7 +458,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def F = Id(2) + Grad_u\nterm body on all : (10*(F - Inv(F)') + 10*log(Det(F))*Inv(F)'):Grad_Test_u",
     ),
     page(
-        "W617",
+        W617,
         "a zone of contact that covers no face",
         "At the end of the run the sides of a contact term press on each other at points of some faces, but on no face at \
          all of its points. The size of such a zone, and the pressures in it, are those of the quadrature rule and not \
@@ -467,7 +467,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "mesh box [0,-5] to [5,0] cells [60,60] quad",
     ),
     page(
-        "W618",
+        W618,
         "steps with a larger error than demanded",
         "`steps ... by auto` found no increment with the demanded error: one was as small as `least`, and the step was taken \
          with the error that it has. That is right where a value jumps at once: no increment resolves a jump. Elsewhere \
@@ -477,7 +477,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by auto with error=1e-3",
     ),
     page(
-        "W619",
+        W619,
         "a limit that is no positive number",
         "`limit` of `steps ... by auto` is evaluated behind each state. Where it is zero, negative or not a number (0/0, the \
          logarithm of a negative number) it limits nothing: the increment follows from the error alone. That may be \
@@ -487,7 +487,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by auto with limit=0.1/max(abs(u)) on all",
     ),
     page(
-        "W620",
+        W620,
         "energy that is lost",
         "`scheme ... energy` sums the work of every term, of loads and of prescribed motions over the steps, by the \
          trapezoidal rule, and compares it with the kinetic energy. What is left is lost, or gained where it is negative: the \
@@ -503,7 +503,7 @@ pub(super) const PAGES: &[CodePage] = &[
          scheme newmark energy",
     ),
     page(
-        "W621",
+        W621,
         "explicit steps that became too long",
         "The stability limit of explicit steps is computed where time starts. A contact that closes later, or a body that \
          stiffens, lowers it: a penalty g on a face adds about 2 g/(rho h) to the square of the highest frequency of elements \
@@ -522,7 +522,7 @@ pub(super) const PAGES: &[CodePage] = &[
          scheme explicit fraction=0.05\nsteps t = 0 to 2 by auto",
     ),
     page(
-        "W630",
+        W630,
         "friction that forgets where points stick",
         "A point that sticks has moved on in step after step. The law has the change of the slip since the last step, with \
          `Previous_u`: a point is held by an elastic slip, and the next step begins without it, so that the point creeps by as \
@@ -536,7 +536,7 @@ pub(super) const PAGES: &[CodePage] = &[
          state slid : vector on fault := Previous_slid + (Pt - Ball_projection(Pt, fric*pos_part(Pn)))/gamma",
     ),
     page(
-        "W631",
+        W631,
         "sides that have slid by more than a face",
         "The points of two bodies are paired once, on the initial mesh, by `neighbor_element` and by mappings (small sliding). A \
          point that presses has slid by more than the face of the other side that it was paired with, measured along the slip: \
@@ -547,7 +547,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "fix u1 = [0.1*t, -0.005, 0] on top",
     ),
     page(
-        "W632",
+        W632,
         "points under pressure that lost their image",
         "The images of a mapping that moves are found in each state, along the current normal of the points and within the \
          distance of `within`. Points that pressed at the end of a step have no image at the end of the next: the body was \
@@ -559,7 +559,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "mapping m = raytrace from arc onto top moving with u within 0.3",
     ),
     page(
-        "W640",
+        W640,
         "an equilibrium that is not stable",
         "The step ended in a state in which all forces balance, but the energy is no minimum there: the tangent has negative \
          eigenvalues, so many as the message says, and a body leaves such a state at the slightest push. Newton's method finds \
@@ -573,7 +573,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "load u = [0, -3] on top\nsolver newton with perturb=1e-6",
     ),
     page(
-        "W641",
+        W641,
         "a step with many times the iterations of the others",
         "One step took more than ten times the Newton iterations that the other steps of the run took (the median). Newton's \
          method may have wandered, and ended in another state than that which the steps before lead to: bodies of finite strain \
@@ -583,7 +583,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 1 by 0.1",
     ),
     page(
-        "W645",
+        W645,
         "a strain beyond a law of small strains",
         "A body whose law depends on Sym(Grad_u) alone was stretched by more than 0.3, or has moved by more than the extent of \
          the mesh: such a law says nothing there. The load is beyond what the body bears (a limit load), or a unit or a power \
@@ -593,7 +593,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "load u = [1,0] on east",
     ),
     page(
-        "W646",
+        W646,
         "a contact that never closes",
         "Without displacement the sides of the contact are apart, and in no step of the run did they meet: the statement had \
          no effect. A distance or a load has the wrong sign, or the contact is not needed. Sides that lie on each other from the \
@@ -602,7 +602,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "def gap = x^2/(2*R) - d",
     ),
     page(
-        "W647",
+        W647,
         "an unknown that grows without end",
         "In the second half of the run an unknown grew by more than three decades (six where terms are not linear) beyond loads \
          and prescribed values, and by like factors in both quarters of it. A stable body does not: the sign of a rate, of one of \
@@ -611,7 +611,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "term heat on all : Dot_T*Test_T + Grad_T.Grad_Test_T",
     ),
     page(
-        "W648",
+        W648,
         "bending on elements of degree 1",
         "A cell of degree 1 that is bent is sheared as well: of slender bodies with few cells across, the energy goes into that \
          shear, and they move too little (shear locking). The message has the part of the energy of the last state that the \
@@ -622,7 +622,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "unknown u : vector Q2",
     ),
     page(
-        "W649",
+        W649,
         "a pressure that alternates from node to node",
         "The pressure holds the volume of a body, and its values alternate between neighbouring nodes. A step shorter than \
          h^2/(6 c), with the size h of the cells and the coefficient of consolidation c, leaves a jump of the pressure within \
@@ -633,7 +633,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "steps t = 0 to 3 by 1",
     ),
     page(
-        "W650",
+        W650,
         "a balance that does not close",
         "`balance` adds the equations of unknowns. What came in, did not go out and was not taken up is lost: the equations \
          were not solved to 1e-8 of what moves. A tolerance of Newton's method that is too large, a step that did not \
@@ -642,7 +642,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "solver newton with tol=1e-10",
     ),
     page(
-        "W660",
+        W660,
         "a derivative at a kink",
         "At the end of a step points are between two branches within 1e-9 of what they compare: between stick and slip, open \
          and closed, or two points share the largest value of a measure. There a result has one derivative for changes to one \
@@ -652,7 +652,7 @@ pub(super) const PAGES: &[CodePage] = &[
         "load u = [beyond_onset, 0] on east",
     ),
     page(
-        "W670",
+        W670,
         "points inside the other body without a force",
         "The image of a point on a mapping that moves is looked for along its normal to both sides, not further than `within`. \
          These points have none, and the face of the other body that is nearest behind them is one that they have gone \
@@ -664,11 +664,11 @@ pub(super) const PAGES: &[CodePage] = &[
         "mapping m = raytrace from arc onto top moving with u within 0.3",
     ),
     page(
-        "W702",
+        W702,
         "declared but not needed",
         "No statement uses this param, macro, region or field. An unused unknown is not allocated. Remove it, or look \
          for a misspelt name.",
         "param rho = 2700",
         "param rho = 2700\nterm weight on all : rho*9.81*Test_u(3)",
     ),
-];
+}

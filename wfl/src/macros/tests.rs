@@ -162,7 +162,7 @@ fn nodes_know_the_use_that_brought_them() {
     let written = seen.iter().find(|e| matches!(&e.kind, ExprKind::Name(n) if n == "w")).unwrap();
     assert_eq!(written.expansion, None);
     // the use is marked first, the definition second
-    let d = at_expr(Diagnostic::new("E201", "m"), pasted, &x.expansions, "here");
+    let d = at_expr(Diagnostic::new(crate::Code::E201, "m"), pasted, &x.expansions, "here");
     assert_eq!(sources.snippet(d.labels[0].span), "outer(u)");
     assert_eq!(
         (sources.snippet(d.labels[1].span), d.labels[1].text.as_str()),

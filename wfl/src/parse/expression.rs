@@ -8,6 +8,7 @@
 use super::{NESTING_LIMIT, Pair, Parsed, Rule, statement::Reader, terminal::comparison};
 use crate::{
     ast::{Argument, Cond, CondKind, Expr, ExprKind, MulOp},
+    codes::Code,
     diag::Diagnostic,
     source::Span,
 };
@@ -28,7 +29,7 @@ impl Tree {
         match self.kind {
             TreeKind::Value(e) => Ok((e, self.depth)),
             TreeKind::Truth(c) => {
-                let d = Diagnostic::new("E122", "a condition stands where a number is needed").at(c.span, "");
+                let d = Diagnostic::new(Code::E122, "a condition stands where a number is needed").at(c.span, "");
                 Err(Box::new(d.help("if condition then 1 else 0")))
             }
         }
@@ -38,7 +39,7 @@ impl Tree {
         match self.kind {
             TreeKind::Truth(c) => Ok((c, self.depth)),
             TreeKind::Value(e) => {
-                let d = Diagnostic::new("E122", "a number stands where a condition is needed").at(e.span, "");
+                let d = Diagnostic::new(Code::E122, "a number stands where a condition is needed").at(e.span, "");
                 Err(Box::new(d.help("compare it: a < b, a == b")))
             }
         }
@@ -60,7 +61,7 @@ fn deeper(inner: usize, span: Span) -> Parsed<usize> {
     if inner < NESTING_LIMIT {
         return Ok(inner + 1);
     }
-    let d = Diagnostic::new("E119", format!("nested more than {NESTING_LIMIT} deep"));
+    let d = Diagnostic::new(Code::E119, format!("nested more than {NESTING_LIMIT} deep"));
     Err(Box::new(d.at(span, "").help("give parts of it a name: def part = ...")))
 }
 
@@ -135,7 +136,7 @@ impl Reader<'_> {
         }
         let size = if vanished { "small" } else { "large" };
         let short: String = text.chars().take(40).collect();
-        let d = Diagnostic::new("E120", format!("the number `{short}` is too {size}"));
+        let d = Diagnostic::new(Code::E120, format!("the number `{short}` is too {size}"));
         Err(Box::new(d.at(self.span(pair), "").note("numbers lie between 5e-324 and 1.8e308")))
     }
 
@@ -367,7 +368,7 @@ impl<'i> Flat<'_, '_, 'i> {
             Part::Value(t) => *t,
             Part::Plain(p) if matches!(p.as_rule(), Rule::number | Rule::ident) => self.reader.atom(&p)?,
             Part::Plain(p) => {
-                let d = Diagnostic::new("E113", format!("`{}` cannot stand here", p.as_str()));
+                let d = Diagnostic::new(Code::E113, format!("`{}` cannot stand here", p.as_str()));
                 let d = d.at(self.reader.span(&p), "");
                 return Err(Box::new(d.help("put what belongs together in parentheses")));
             }

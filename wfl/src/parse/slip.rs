@@ -1,11 +1,16 @@
 //! What pest says about a failed parse, turned into a message: which slip it is, where, and what to type instead.
 
-use super::{Rule, scan::called, span_at};
+use super::{
+    Rule,
+    scan::{called, to_column_1},
+    span_at,
+};
 use crate::{
+    codes::Code,
     diag::{Diagnostic, nearest},
     foreign::{foreign, form},
     keywords::{STATEMENTS, is_keyword},
-    source::SourceId,
+    source::{SourceId, Span},
 };
 use pest::error::{Error, ErrorVariant, InputLocation};
 
@@ -16,7 +21,7 @@ pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: Source
         InputLocation::Pos(p) | InputLocation::Span((p, _)) => p,
     };
     let ErrorVariant::ParsingError { positives, .. } = &error.variant else {
-        let d = Diagnostic::new("E119", "this statement is too complicated to be read");
+        let d = Diagnostic::new(Code::E119, "this statement is too complicated to be read");
         return d.at(span_at(id, base, 0, 1), "").help("give parts of it a name: def part = ...");
     };
     let at = at + masked[at..].len() - masked[at..].trim_start().len();
@@ -49,7 +54,7 @@ impl Slip<'_> {
 
     /// The form of the statement as help for a message that has none.
     fn with_form(&self, d: Diagnostic) -> Diagnostic {
-        let offers = d.labels.iter().any(|l| l.text.contains("did you mean"));
+        let offers = !d.fixes.is_empty();
         if d.helps.is_empty() && (self.expects(Rule::k_then) || self.expects(Rule::k_else)) {
             return d.help(CHOICE);
         }
@@ -58,7 +63,7 @@ impl Slip<'_> {
         if let Some(here) = foreign(called(value)).filter(|_| d.helps.is_empty() && !offers && word != "measure") {
             return d.help(here);
         }
-        match form(word).filter(|_| self.statement && d.helps.is_empty() && !offers && d.code != "E207") {
+        match form(word).filter(|_| self.statement && d.helps.is_empty() && !offers && d.code != Code::E207) {
             Some(form) => d.help(format!("the form is: {form}")),
             None => d,
         }
@@ -74,7 +79,7 @@ impl Slip<'_> {
             return self.keyword(found);
         }
         if operand && found.starts_with(|c: char| c.is_ascii_digit() || c == '.') && found.len() > 2 {
-            let d = Diagnostic::new("E120", format!("`{found}` is not a number"));
+            let d = Diagnostic::new(Code::E120, format!("`{found}` is not a number"));
             return self.mark(d, found, "");
         }
         if let Some(d) = self.two_operands(found) {
@@ -83,7 +88,7 @@ impl Slip<'_> {
         if self.expects(Rule::EOI) {
             return self.after_the_end(found);
         }
-        let d = Diagnostic::new("E113", format!("expected {}, found `{found}`", self.list()));
+        let d = Diagnostic::new(Code::E113, format!("expected {}, found `{found}`", self.list()));
         self.with_hints(self.mark(d, found, ""), found)
     }
 
@@ -98,7 +103,24 @@ impl Slip<'_> {
     }
 
     pub(super) fn mark(&self, d: Diagnostic, found: &str, text: impl Into<String>) -> Diagnostic {
-        d.at(span_at(self.id, self.base, self.at, self.at + found.len()), text)
+        d.at(self.here(found.len()), text)
+    }
+
+    /// So many bytes from the slip on.
+    pub(super) fn here(&self, length: usize) -> Span {
+        self.span(self.at, self.at + length)
+    }
+
+    /// A range of the text.
+    pub(super) fn span(&self, start: usize, end: usize) -> Span {
+        span_at(self.id, self.base, start, end)
+    }
+
+    /// From the end of the text before the slip: blanks between are part of it, unless a line ends there.
+    pub(super) fn from_before(&self, length: usize) -> Span {
+        let before = self.before().len();
+        let start = if self.masked[before..self.at].contains('\n') { self.at } else { before };
+        self.span(start, self.at + length)
     }
 
     /// The text before the place of the slip, without trailing space.
@@ -109,29 +131,34 @@ impl Slip<'_> {
     fn too_short(&self) -> Diagnostic {
         let end = self.masked.trim_end().len();
         let last = self.masked[..end].char_indices().next_back().map_or(0, |(i, _)| i);
-        Diagnostic::new("E113", format!("the statement ends too early: expected {}", self.list()))
+        Diagnostic::new(Code::E113, format!("the statement ends too early: expected {}", self.list()))
             .at(span_at(self.id, self.base, last, end), "the statement ends here")
     }
 
     /// `=` where a comparison stands, `==` where a value is given.
     fn equals(&self, found: &str) -> Option<Diagnostic> {
         if found == "=" && self.expects(Rule::infix) {
-            let d = Diagnostic::new("E116", "`=` gives a value, `==` compares");
-            return Some(self.mark(d, found, "").help("write `==`"));
+            let d = Diagnostic::new(Code::E116, "`=` gives a value, `==` compares");
+            return Some(self.written(d, found, "=="));
         }
         if found == "==" && self.expects(Rule::t_eq) {
-            let d = Diagnostic::new("E116", "`==` compares, `=` gives a value");
-            return Some(self.mark(d, found, "").help("write `=`"));
+            let d = Diagnostic::new(Code::E116, "`==` compares, `=` gives a value");
+            return Some(self.written(d, found, "="));
         }
         if found == ":=" && self.expects(Rule::t_eq) {
-            let d = Diagnostic::new("E116", "`:=` stands in `Def` inside a term and in `state`; here it is `=`");
-            return Some(self.mark(d, found, "").help("write `=`"));
+            let d = Diagnostic::new(Code::E116, "`:=` stands in `Def` inside a term and in `state`; here it is `=`");
+            return Some(self.written(d, found, "="));
         }
         if found == "=" && self.expects(Rule::t_assign) {
-            let d = Diagnostic::new("E116", "`Def` inside a term and `state` are written with `:=`");
-            return Some(self.mark(d, found, "").help("write `:=`"));
+            let d = Diagnostic::new(Code::E116, "`Def` inside a term and `state` are written with `:=`");
+            return Some(self.written(d, found, ":="));
         }
         None
+    }
+
+    /// Another sign in place of the one at the slip.
+    fn written(&self, d: Diagnostic, found: &str, sign: &str) -> Diagnostic {
+        self.mark(d, found, "").help(format!("write `{sign}`")).replace(self.here(found.len()), sign)
     }
 
     /// A keyword where an expression or a name has to stand.
@@ -140,15 +167,15 @@ impl Slip<'_> {
             return self.indented_statement(found);
         }
         if found == "if" {
-            let d = Diagnostic::new("E113", "`if` inside a larger expression needs parentheses");
+            let d = Diagnostic::new(Code::E113, "`if` inside a larger expression needs parentheses");
             return self.mark(d, found, "").help("(if condition then a else b)");
         }
         let next = self.masked[self.at + found.len()..].trim_start();
         let used_as_name = next.is_empty() || next.starts_with(|c: char| "+-*/.)],;^='".contains(c));
         if used_as_name && !self.before().ends_with("=") || next.starts_with('=') {
-            return keyword_as_name(found).at(span_at(self.id, self.base, self.at, self.at + found.len()), "");
+            return keyword_as_name(found).at(self.here(found.len()), "");
         }
-        let d = Diagnostic::new("E113", format!("expected {}, found the word `{found}`", self.list()));
+        let d = Diagnostic::new(Code::E113, format!("expected {}, found the word `{found}`", self.list()));
         self.mark(d, found, format!("something is missing before `{found}`"))
     }
 
@@ -170,35 +197,39 @@ impl Slip<'_> {
         if found.starts_with(|c: char| c.is_ascii_alphabetic())
             && let Some(w) = nearest(found, words.iter().copied())
         {
-            let d = Diagnostic::new("E113", format!("expected {}, found `{found}`", self.list()));
-            return Some(self.mark(d, found, format!("did you mean `{w}`?")));
+            let d = Diagnostic::new(Code::E113, format!("expected {}, found `{found}`", self.list()));
+            return Some(d.did_you_mean(self.here(found.len()), Some(w)));
         }
         let left = if value.is_empty() { &before[before.len().saturating_sub(1)..] } else { value };
         if left.is_empty() || !left.is_ascii() {
             return None;
         }
-        let d = Diagnostic::new("E113", format!("an operator is missing between `{left}` and `{found}`"));
+        let d = Diagnostic::new(Code::E113, format!("an operator is missing between `{left}` and `{found}`"));
         let [a, b] =
             [(left, ")", "(...)"), (found, "(", "(...)")].map(|(t, bracket, all)| if t == bracket { all } else { t });
         let product = format!("{a}*{b}");
         let d = self.mark(d, found, "");
-        Some(d.help(format!("a product is written with `*`: {product}")))
+        let d = d.help(format!("a product is written with `*`: {product}"));
+        // a word behind a bracket is rather a unit, or a word of the statement
+        let is_factor = before.ends_with(|c: char| c.is_ascii_alphanumeric() || c == '_' || c == ')');
+        Some(if is_factor { d.replace(self.from_before(0), "*") } else { d })
     }
 
     fn after_the_end(&self, found: &str) -> Diagnostic {
         if self.starts_line() && STATEMENTS.contains(&found) {
             return self.indented_statement(found);
         }
-        let d = Diagnostic::new("E117", format!("`{found}` stands after the end of the statement"));
+        let d = Diagnostic::new(Code::E117, format!("`{found}` stands after the end of the statement"));
         let list = self.list();
         let d = if list == "the end of the statement" { d } else { d.note(format!("here may follow {list}")) };
         self.with_hints(self.mark(d, found, ""), found)
     }
 
     fn indented_statement(&self, found: &str) -> Diagnostic {
-        let d = Diagnostic::new("E117", format!("`{found}` starts a new statement inside another one"));
+        let d = Diagnostic::new(Code::E117, format!("`{found}` starts a new statement inside another one"));
         self.mark(d, found, "this line is indented, so it continues the statement above")
             .help("a statement starts in column 1")
+            .fix(to_column_1(self.span(self.masked[..self.at].rfind('\n').map_or(0, |k| k + 1), self.at)))
     }
 
     /// True if only space stands before the slip on its line.
@@ -213,6 +244,7 @@ impl Slip<'_> {
         let mut d = d;
         if let (Some(w), Some(label)) = (offered, d.labels.first_mut()) {
             label.text = format!("did you mean `{w}`?");
+            d = d.replace(self.here(found.len()), w);
         } else if found == "," && self.before().ends_with(',') || found == ";" && self.before().ends_with(';') {
             d = d.help("tensors of higher order are nested: [[[1,2],[3,4]],[[5,6],[7,8]]]");
         }
@@ -236,7 +268,7 @@ impl Slip<'_> {
 
 /// E207 for a keyword that is used as a name.
 pub(super) fn keyword_as_name(word: &str) -> Diagnostic {
-    Diagnostic::new("E207", format!("`{word}` is a word of the language and cannot be a name"))
+    Diagnostic::new(Code::E207, format!("`{word}` is a word of the language and cannot be a name"))
         .help(format!("choose another name, such as `{word}_`"))
 }
 

@@ -10,6 +10,7 @@ use crate::{
         OptionItem, OptionValue, OutputItem, Place, QuadratureRule, Reduction, Refine, RegionExpr, Space, Target,
         TargetPart, Unit,
     },
+    codes::Code,
     diag::Diagnostic,
     keywords::is_keyword,
     source::{SourceId, Span},
@@ -263,7 +264,7 @@ impl Reader<'_> {
         if is_possible {
             return Ok(ItemKind::Measure { name, reduction, expr, places, at });
         }
-        let d = Diagnostic::new("E113", format!("`{}` is not taken there", word.as_str())).at(self.span(&word), "");
+        let d = Diagnostic::new(Code::E113, format!("`{}` is not taken there", word.as_str())).at(self.span(&word), "");
         let help = "value(expression) at [0,1] is that of one point, max or min(expression) at nodes of region of all \
                     nodes; mean, max, min and integral(expression) on region use its integration points, reaction(u(1)) on \
                     region the nodes with prescribed values";
@@ -372,6 +373,7 @@ impl Reader<'_> {
     fn unit(&self, pair: Pair<'_>) -> Parsed<Unit> {
         let span = self.span(&pair);
         let mut factors: Vec<(String, i32)> = Vec::new();
+        let mut places = Vec::new();
         let mut sign = 1;
         for part in self.parts(pair) {
             if part.as_rule() == Rule::unit_op {
@@ -383,15 +385,17 @@ impl Reader<'_> {
             let power = match p.take(Rule::unit_power) {
                 None => 1,
                 Some(power) => power.as_str().parse::<i8>().map_err(|_| {
-                    let d = Diagnostic::new("E120", format!("the power `{}` of a unit is too large", power.as_str()));
+                    let d =
+                        Diagnostic::new(Code::E120, format!("the power `{}` of a unit is too large", power.as_str()));
                     Box::new(d.at(self.span(&power), "at most 127"))
                 })?,
             };
             if base.as_rule() == Rule::unit_name {
                 factors.push((base.as_str().to_owned(), sign * i32::from(power)));
+                places.push(self.span(&base));
             }
         }
-        Ok(Unit { factors, span })
+        Ok(Unit { factors, places, span })
     }
 
     fn space(&self, pair: Pair<'_>) -> Parsed<Space> {
@@ -405,7 +409,7 @@ impl Reader<'_> {
             None => Vec::new(),
         };
         let rank = rank(rank_word.as_str(), values).map_err(|wanted| {
-            let d = Diagnostic::new("E113", format!("`{}` takes {wanted}", rank_word.as_str()));
+            let d = Diagnostic::new(Code::E113, format!("`{}` takes {wanted}", rank_word.as_str()));
             Box::new(d.at(sizes_span.unwrap_or(span), ""))
         })?;
         let element = p.take(Rule::element).map(|e| self.ident(&e));
@@ -442,10 +446,12 @@ impl Reader<'_> {
     fn residual(&self, energy: bool, parts: Vec<Pair<'_>>) -> Parsed<(Vec<MacroDef>, Expr)> {
         let equation = parts.last().filter(|_| !energy).and_then(|p| habits::equation_in(p));
         self.defs_and_value(parts).map_err(|d| match equation {
-            Some((at, sign)) if d.code == "E122" => {
-                let right = self.masked[at + sign..].trim();
+            Some((at, sign)) if d.code == Code::E122 => {
+                let code = self.masked.trim_end();
+                let right = code[at + sign..].trim();
+                let side = span_at(self.source, self.base, self.masked[..at].trim_end().len(), code.len());
                 let at = span_at(self.source, self.base, at, at + sign);
-                Box::new(habits::equation_as_term("==", right).at(at, ""))
+                Box::new(habits::equation_as_term("==", right, side).at(at, ""))
             }
             _ => d,
         })

@@ -21,7 +21,7 @@ fn error(text: &str) -> [String; 4] {
     assert_eq!(d.len(), 1, "{text}: {d:?}");
     let d = &d[0];
     let marked = sources.snippet(d.labels[0].span).to_owned();
-    [d.code.to_owned(), d.message.clone(), marked, d.helps.first().cloned().unwrap_or_default()]
+    [d.code.to_string(), d.message.clone(), marked, d.helps.first().cloned().unwrap_or_default()]
 }
 
 #[test]

@@ -6,8 +6,10 @@ use std::collections::BTreeSet;
 use super::{Resolver, names::Kind, watch::reduction};
 use crate::{
     ast::{Expr, Item, ItemKind, Target},
+    codes::Code,
     diag::Diagnostic,
-    foreign::{field_slip, foreign},
+    fix::Fix,
+    foreign::{Meant, field_slip, foreign, meant},
     render::at_expr,
     source::Span,
     walk::{each_name, each_word},
@@ -43,11 +45,12 @@ impl Resolver<'_> {
             return None;
         }
         let fields = || self.names.values.iter().filter(|(_, v)| v.0.is_field()).map(|(name, _)| name.as_str());
-        let Some((e, word, text)) = found.iter().find_map(|(e, w)| Some((*e, *w, field_slip(w, fields())?))) else {
+        let Some((e, word, slip)) = found.iter().find_map(|(e, w)| Some((*e, *w, field_slip(w, fields())?))) else {
             return Some(());
         };
-        let d = Diagnostic::new("E201", format!("unknown name `{word}`")).about(word);
-        self.diagnostics.push(at_expr(d, e, &self.expander.expansions, text));
+        let d = Diagnostic::new(Code::E201, format!("unknown name `{word}`")).about(word);
+        let d = at_expr(d, e, &self.expander.expansions, slip.text);
+        self.diagnostics.push(slip.word.or(slip.component).into_iter().fold(d, |d, meant| d.replace(e.span, meant)));
         None
     }
 
@@ -69,7 +72,7 @@ impl Resolver<'_> {
             0 => format!("{last} is not a word of this language"),
             _ => format!("{} and {last} are not words of this language", quoted.join(", ")),
         };
-        let mut d = Diagnostic::new("E216", message);
+        let mut d = Diagnostic::new(Code::E216, message);
         for (k, (e, _, _)) in words.iter().enumerate() {
             d = if k == 0 { at_expr(d, e, &self.expander.expansions, "") } else { marked(d, e) };
         }
@@ -78,6 +81,14 @@ impl Resolver<'_> {
             if said.insert(*here) {
                 d = d.help(format!("{word}: {here}"));
             }
+        }
+        for (e, word, _) in words {
+            let is_called = self.sources.get(e.span.source).text[e.span.end as usize..].starts_with('(');
+            d = match meant(word) {
+                Meant::Function(name) if is_called => d.replace(e.span, name),
+                Meant::Value(value) if !is_called => d.replace(e.span, value),
+                _ => d,
+            };
         }
         d
     }
@@ -93,12 +104,13 @@ impl Resolver<'_> {
             wanted_fields(item, &mut wanted);
         }
         wanted.retain(|(name, _)| !matches!(self.names.values.get(name), Some((kind, _)) if *kind != Kind::Measure));
-        let d = Diagnostic::new("E423", "the scene has no unknown");
+        let d = Diagnostic::new(Code::E423, "the scene has no unknown");
         let d = match wanted.first() {
             Some((name, at)) => d
                 .at(*at, format!("nothing declares `{name}`"))
-                .help(format!("unknown {name} : vector, or scalar; with an element and a region: vector P2 on REGION")),
-            None => d.help("unknown u : vector"),
+                .help(format!("unknown {name} : vector, or scalar; with an element and a region: vector P2 on REGION"))
+                .fix(Fix::AddStatement(format!("unknown {name} : vector"))),
+            None => d.missing("unknown u : vector"),
         };
         self.diagnostics.push(d);
         for (name, _) in wanted {

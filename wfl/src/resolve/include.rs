@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::{
     ast::{Item, ItemKind},
+    codes::Code,
     diag::Diagnostic,
     lost::Lost,
     parse::parse,
@@ -140,10 +141,10 @@ impl<'a> Includes<'a> {
 
     fn version(&mut self, version: f64, first: bool, span: Span) {
         if version != 1.0 {
-            let d = Diagnostic::new("E126", format!("version {version} of the language is not known"));
+            let d = Diagnostic::new(Code::E126, format!("version {version} of the language is not known"));
             self.diagnostics.push(d.at(span, "this program reads version 1"));
         } else if !first {
-            let d = Diagnostic::new("E126", "the version stands before every other statement");
+            let d = Diagnostic::new(Code::E126, "the version stands before every other statement");
             self.diagnostics.push(d.at(span, "").help("move this line to the top of the file"));
         }
     }
@@ -152,7 +153,7 @@ impl<'a> Includes<'a> {
         let (name, text, library) = match self.find(path, from) {
             Ok(found) => found,
             Err(not) => {
-                let code = if not.outside { "E217" } else { "E213" };
+                let code = if not.outside { Code::E217 } else { Code::E213 };
                 let d = Diagnostic::new(code, format!("cannot read \"{path}\": {}", not.why)).at(span, "");
                 let d = if not.missing { d.note(self.library_has()) } else { d };
                 self.diagnostics.push(match not.help {
@@ -166,12 +167,12 @@ impl<'a> Includes<'a> {
         if let Some(at) = self.open.iter().position(|(n, _)| *n == name) {
             let mut cycle: Vec<&str> = self.open[at..].iter().map(|(n, _)| n.as_str()).collect();
             cycle.push(&name);
-            let d = Diagnostic::new("E214", format!("\"{path}\" is used by itself")).at(span, "");
+            let d = Diagnostic::new(Code::E214, format!("\"{path}\" is used by itself")).at(span, "");
             self.diagnostics.push(d.note(cycle.join(" -> ")));
             return;
         }
         if self.open.len() >= INCLUDE_DEPTH {
-            let d = Diagnostic::new("E214", format!("files use each other more than {INCLUDE_DEPTH} deep"));
+            let d = Diagnostic::new(Code::E214, format!("files use each other more than {INCLUDE_DEPTH} deep"));
             self.diagnostics.push(d.at(span, ""));
             return;
         }

@@ -4,7 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     ast::{ExprKind, Ident, Item, ItemKind, MacroDef, MeshSource},
+    codes::Code,
     diag::{Diagnostic, nearest},
+    fix::Fix,
     foreign::field_slip,
     script::{Balance, Event, ResolvedScript},
     source::{SourceMap, Span},
@@ -181,7 +183,7 @@ impl Names {
                 && *kind != Kind::Def
             {
                 let message = format!("the local macro `{}` would hide a name of the scene", name.name);
-                let d = Diagnostic::new("E209", message).at(name.span, "");
+                let d = Diagnostic::new(Code::E209, message).at(name.span, "");
                 diagnostics.push(d.at(*first, format!("{} of that name", kind.word())));
             }
         }
@@ -189,15 +191,17 @@ impl Names {
 
     /// E201 for a word that is no region.
     pub(super) fn unknown_region(&self, name: &Ident, sources: &SourceMap) -> Diagnostic {
-        let d = Diagnostic::new("E201", format!("unknown region `{}`", name.name));
+        let d = Diagnostic::new(Code::E201, format!("unknown region `{}`", name.name));
         let phrases = ["cells", "faces", "nodes", "interface"];
         let built_in = REGIONS.iter().copied().filter(|r| *r != "global");
         let known = self.regions.keys().map(String::as_str).chain(built_in).chain(phrases);
-        let text = match nearest(&name.name, known) {
-            None => String::new(),
-            Some(near) => offer(near, "region", self.regions.get(near).copied(), name.span, sources),
+        let d = match nearest(&name.name, known) {
+            None => d.at(name.span, ""),
+            Some(near) => {
+                let text = offer(near, "region", self.regions.get(near).copied(), name.span, sources);
+                d.at(name.span, text).replace(name.span, near)
+            }
         };
-        let d = d.at(name.span, text);
         match self.values.get(&name.name) {
             Some((kind, _)) => d.note(format!("`{}` is {}, not a region", name.name, article(*kind))),
             None => d,
@@ -207,23 +211,23 @@ impl Names {
     /// E201 for a word that is no field, or E212 for one that is something else.
     pub(super) fn not_a_field(&self, name: &Ident, needed: &str, sources: &SourceMap) -> Diagnostic {
         if let Some((kind, at)) = self.values.get(&name.name) {
-            let d = Diagnostic::new("E212", format!("`{}` is {}; {needed}", name.name, article(*kind)));
+            let d = Diagnostic::new(Code::E212, format!("`{}` is {}; {needed}", name.name, article(*kind)));
             return d.at(name.span, "").at(*at, "declared here");
         }
-        let d = Diagnostic::new("E201", format!("unknown field `{}`", name.name));
+        let d = Diagnostic::new(Code::E201, format!("unknown field `{}`", name.name));
         let fields = self.values.iter().filter(|(_, v)| v.0.is_field());
         let names: Vec<&str> = fields.map(|(n, _)| n.as_str()).collect();
         if let Some(slip) = field_slip(&name.name, names.iter().copied()) {
-            return d.at(name.span, slip);
+            let d = d.at(name.span, slip.text);
+            return slip.component.into_iter().fold(d, |d, meant| d.replace(name.span, meant));
         }
-        let text = match nearest(&name.name, names) {
-            None => String::new(),
+        match nearest(&name.name, names) {
+            None => d.at(name.span, ""),
             Some(near) => {
                 let (kind, at) = self.values[near];
-                offer(near, kind.word(), Some(at), name.span, sources)
+                d.at(name.span, offer(near, kind.word(), Some(at), name.span, sources)).replace(name.span, near)
             }
-        };
-        d.at(name.span, text)
+        }
     }
 }
 
@@ -250,7 +254,7 @@ pub(super) fn offer(near: &str, kind: &str, at: Option<Span>, from: Span, source
 }
 
 fn twice(name: &Ident, first: Span) -> Diagnostic {
-    let d = Diagnostic::new("E209", format!("`{}` is declared twice", name.name));
+    let d = Diagnostic::new(Code::E209, format!("`{}` is declared twice", name.name));
     if name.span == first {
         // the numbers of a balance
         let text = "a term has the name of a sum of this balance";
@@ -260,7 +264,7 @@ fn twice(name: &Ident, first: Span) -> Diagnostic {
 }
 
 fn built_in(name: &Ident, what: &str) -> Diagnostic {
-    Diagnostic::new("E210", format!("`{}` is {what} and cannot be declared", name.name))
+    Diagnostic::new(Code::E210, format!("`{}` is {what} and cannot be declared", name.name))
         .at(name.span, "")
         .help("choose another name")
 }
@@ -309,6 +313,9 @@ pub(super) fn unused(
         .extend(names.regions.iter().filter(|(n, _)| !regions.contains(*n)).map(|(_, s)| (*s, "no statement uses it")));
     found.retain(|(span, _)| span.source == main);
     found.sort_by_key(|(span, _)| span.start);
-    let warning = |(span, text)| Diagnostic::new("W702", "declared but not needed by this scene").at(span, text);
+    let warning = |(span, text)| {
+        let d = Diagnostic::new(Code::W702, "declared but not needed by this scene").at(span, text);
+        d.fix(Fix::DeleteStatement)
+    };
     found.into_iter().map(warning).collect()
 }

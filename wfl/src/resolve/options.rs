@@ -3,6 +3,7 @@
 use super::{OPTIONS, Override, Resolver, names};
 use crate::{
     ast::{ExprKind, Ident, OptionItem, OptionValue},
+    codes::Code,
     diag::{Diagnostic, nearest},
 };
 
@@ -12,9 +13,9 @@ impl Resolver<'_> {
         if words.contains(&word.name.as_str()) {
             return Some(());
         }
-        let d = Diagnostic::new("E211", format!("`{statement}` does not know `{}`", word.name));
-        let text = nearest(&word.name, words.iter().copied()).map_or(String::new(), |n| format!("did you mean `{n}`?"));
-        self.diagnostics.push(d.at(word.span, text).note(format!("it knows {}", words.join(", "))));
+        let d = Diagnostic::new(Code::E211, format!("`{statement}` does not know `{}`", word.name));
+        let d = d.did_you_mean(word.span, nearest(&word.name, words.iter().copied()));
+        self.diagnostics.push(d.note(format!("it knows {}", words.join(", "))));
         None
     }
 
@@ -30,7 +31,7 @@ impl Resolver<'_> {
                 continue;
             }
             if let Some(first) = resolved.iter().find(|o| o.name.name == name.name) {
-                let d = Diagnostic::new("E209", format!("the option `{}` is given twice", name.name));
+                let d = Diagnostic::new(Code::E209, format!("the option `{}` is given twice", name.name));
                 self.diagnostics.push(d.at(name.span, "").at(first.name.span, "first given here"));
                 complete = None;
             }
@@ -55,7 +56,7 @@ impl Resolver<'_> {
     pub(super) fn overrides(&mut self, overrides: &[Override]) {
         for (i, given) in overrides.iter().enumerate() {
             if let Some(first) = overrides[..i].iter().find(|o| o.name == given.name) {
-                let d = Diagnostic::new("E209", format!("`{}` is given twice", given.name));
+                let d = Diagnostic::new(Code::E209, format!("`{}` is given twice", given.name));
                 self.diagnostics.push(d.at(given.span, "").at(first.span, "first given here"));
                 continue;
             }
@@ -74,7 +75,7 @@ impl Resolver<'_> {
     }
 
     pub(super) fn unknown_param(&self, given: &Override) -> Diagnostic {
-        let d = Diagnostic::new("E703", format!("`{}` is not a param of this scene", given.name));
+        let d = Diagnostic::new(Code::E703, format!("`{}` is not a param of this scene", given.name));
         let params = || self.script.params.iter().map(|p| p.name.name.as_str());
         let text = match nearest(&given.name, params()) {
             Some(near) => {
@@ -94,10 +95,9 @@ impl Resolver<'_> {
 }
 
 fn unknown_option(statement: &str, name: &Ident, known: &[&str]) -> Diagnostic {
-    let d = Diagnostic::new("E211", format!("`{statement}` has no option `{}`", name.name));
+    let d = Diagnostic::new(Code::E211, format!("`{statement}` has no option `{}`", name.name));
     let longer = known.iter().copied().find(|k| name.name.starts_with(k) && k.len() > 2);
     let near = longer.or_else(|| nearest(&name.name, known.iter().copied()));
-    let text = near.map_or(String::new(), |n| format!("did you mean `{n}`?"));
     let list = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-    d.at(name.span, text).note(format!("options of `{statement}`: {list}"))
+    d.did_you_mean(name.span, near).note(format!("options of `{statement}`: {list}"))
 }

@@ -4,6 +4,7 @@ use super::{Resolver, names::Kind};
 use crate::{
     ast::{BoxDivision, Domain, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionItem, OptionValue, Place, Rank},
     ast::{Refine, RegionExpr, Space},
+    codes::Code,
     diag::Diagnostic,
     script::{DataValue, Field, FieldKind},
     source::Span,
@@ -119,7 +120,7 @@ impl Resolver<'_> {
                 "keep" => true,
                 "drop" => false,
                 _ => {
-                    let d = Diagnostic::new("E211", "`crosspoints` is `keep` or `drop`");
+                    let d = Diagnostic::new(Code::E211, "`crosspoints` is `keep` or `drop`");
                     self.diagnostics.push(d.at(option.name.span, ""));
                     return None;
                 }

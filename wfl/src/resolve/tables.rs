@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::Resolver;
 use crate::{
     ast::{Argument, Expr, ExprKind},
+    codes::Code,
     diag::Diagnostic,
     render::at_expr,
     source::Span,
@@ -37,14 +38,16 @@ impl Resolver<'_> {
             _ => None,
         };
         let Some((file, at, column)) = form else {
-            let d =
-                Diagnostic::new("E105", "`table` takes a file in quotes and a number; a column in quotes may follow");
+            let d = Diagnostic::new(
+                Code::E105,
+                "`table` takes a file in quotes and a number; a column in quotes may follow",
+            );
             self.diagnostics.push(at_expr(d.help(USAGE), e, &self.expander.expansions, ""));
             return None;
         };
         let table = self.table_of(file, at)?;
         let Err((why, help)) = table.curve(column.map(|c| c.0)) else { return Some(()) };
-        let d = Diagnostic::new("E446", why).at(column.map_or(at, |c| c.1), "").help(help);
+        let d = Diagnostic::new(Code::E446, why).at(column.map_or(at, |c| c.1), "").help(help);
         self.tell_once(d)
     }
 
@@ -56,7 +59,7 @@ impl Resolver<'_> {
         let text = match self.loader.table(file) {
             Ok(text) => text,
             Err(not) => {
-                let code = if not.outside { "E217" } else { "E446" };
+                let code = if not.outside { Code::E217 } else { Code::E446 };
                 let d = Diagnostic::new(code, format!("cannot read \"{file}\": {}", not.why)).at(at, "");
                 let help =
                     not.help.or_else(|| not.missing.then(|| "files are named as seen from the scene".to_owned()));
@@ -74,7 +77,7 @@ impl Resolver<'_> {
             }
             Err(NoTable { line, why, help }) => {
                 let line = line.map_or(String::new(), |l| format!(", line {l}"));
-                let d = Diagnostic::new("E446", format!("\"{file}\" is no table{line}: {why}"));
+                let d = Diagnostic::new(Code::E446, format!("\"{file}\" is no table{line}: {why}"));
                 self.tell_once(d.at(at, "").help(help))
             }
         }

@@ -36,7 +36,7 @@ fn run(text: &str, files: &[(&'static str, &str)], overrides: &[&str]) -> (Check
 fn found(text: &str, files: &[(&'static str, &str)]) -> Vec<(&'static str, String)> {
     let (checked, sources) = run(text, files, &[]);
     let mark = |d: &Diagnostic| d.labels.first().map_or(String::new(), |l| sources.snippet(l.span).to_owned());
-    checked.diagnostics.iter().map(|d| (d.code, mark(d))).collect()
+    checked.diagnostics.iter().map(|d| (d.code.as_str(), mark(d))).collect()
 }
 
 /// A scene that is right, with room for one more line.
@@ -259,7 +259,7 @@ fn no_scene_panics() {
         }
         let (checked, sources) = run(&lines.join("\n"), &[], &[]);
         if round % 10 == 0 {
-            checked.diagnostics.iter().for_each(|d| assert!(render(d, &sources, false).contains(d.code)));
+            checked.diagnostics.iter().for_each(|d| assert!(render(d, &sources, false).contains(d.code.as_str())));
         }
     }
 }

@@ -4,6 +4,7 @@
 use super::Resolver;
 use crate::{
     ast::{Argument, CmpOp, Cond, CondKind, Expr, ExprKind, Ident, MeasureAt, OptionItem, OptionValue, Reduction},
+    codes::Code,
     diag::Diagnostic,
     script::{Computed, Measure},
     source::Span,
@@ -78,18 +79,19 @@ impl Resolver<'_> {
     }
 
     fn no_event<T>(&mut self, at: Span) -> Option<T> {
-        let d = Diagnostic::new("E445", "an event lasts while one number is larger than another");
+        let d = Diagnostic::new(Code::E445, "an event lasts while one number is larger than another");
         self.diagnostics.push(d.at(at, "").help("event quake = max(V) on fault > 1e-3"));
         None
     }
 
     fn check_places(&mut self, owner: &Ident, at: Span, places: &[Ident], found: bool) {
         if found && places.is_empty() {
-            let d = Diagnostic::new("E445", format!("a reduction in `{}` needs a region", owner.name));
+            let d = Diagnostic::new(Code::E445, format!("a reduction in `{}` needs a region", owner.name));
             self.diagnostics.push(d.at(at, "").help("max(V) on fault"));
         }
         if let Some(place) = places.first().filter(|_| !found) {
-            let d = Diagnostic::new("E445", format!("`{}` has a region and nothing that is taken on it", owner.name));
+            let d =
+                Diagnostic::new(Code::E445, format!("`{}` has a region and nothing that is taken on it", owner.name));
             self.diagnostics.push(d.at(place.span, "").help("max(V), min(V), mean(V), integral(V) or reaction(u(1))"));
         }
     }

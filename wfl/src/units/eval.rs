@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use crate::{
     ast::{Argument, Cond, CondKind, Expr, ExprKind, MulOp},
+    codes::Code,
     diag::Diagnostic,
     source::Span,
     words::{PREFIXES, split_prefixes},
@@ -299,7 +300,7 @@ impl<'s> Pass<'s> {
         };
         if !fits {
             let text = format!("`{what}` needs a pure number");
-            let d = Diagnostic::new("E501", text).at(self.scene.local(part, owner), unit.show());
+            let d = Diagnostic::new(Code::E501, text).at(self.scene.local(part, owner), unit.show());
             self.report(d, owner);
         }
     }
@@ -428,7 +429,7 @@ impl<'s> Pass<'s> {
     /// E501 for two operands: both are marked with their units.
     fn clash(&mut self, what: &str, owner: &Expr, left: Span, right: &Expr, clash: &Clash) {
         let quoted = if what.contains(' ') && what != "[ ]" { what.to_owned() } else { format!("`{what}`") };
-        let d = Diagnostic::new("E501", format!("units do not match in {quoted}"));
+        let d = Diagnostic::new(Code::E501, format!("units do not match in {quoted}"));
         let d = d.at(self.scene.local(right, owner), clash.right.show()).at(left, clash.left.show());
         let d = scale_note(d, &clash.left, &clash.right);
         self.report(d, owner);
@@ -437,7 +438,7 @@ impl<'s> Pass<'s> {
     /// Checks the value of a statement against the unit of what it is for.
     pub(super) fn takes(&mut self, name: &str, declared: Span, needed: &Value, value: &Value, e: &Expr) {
         if let Err(clash) = self.join(e.span, needed, value) {
-            let d = Diagnostic::new("E501", format!("this value does not have the unit of `{name}`"));
+            let d = Diagnostic::new(Code::E501, format!("this value does not have the unit of `{name}`"));
             let d = d.at(self.scene.outer(e), clash.right.show()).at(declared, clash.left.show());
             let d = scale_note(d, &clash.left, &clash.right);
             self.report(d, e);

@@ -3,7 +3,7 @@
 //! Every relation that holds an open unit alone is a vote for what it is; most votes win, the earlier one at a tie.
 //! One wrong formula then does not spoil the rest of the scene.
 
-use crate::{diag::Diagnostic, source::Span};
+use crate::{codes::Code, diag::Diagnostic, source::Span};
 
 use super::{
     eval::{Equation, Pass, Solved},
@@ -100,7 +100,7 @@ pub(super) fn unnamed(scene: &Scene<'_>, solved: &Solved) -> Vec<Diagnostic> {
     let told = |what: &str, (unit, at): (&Unit, Span), known: &[Symbol], how: &str| {
         let text = format!("the terms of this scene have one unit only if {what} {}", unit.show());
         let names: Vec<String> = known.iter().map(|s| Unit::of(*s).show()).collect();
-        let d = Diagnostic::new("W422", text).at(at, "does not fit the first term otherwise");
+        let d = Diagnostic::new(Code::W422, text).at(at, "does not fit the first term otherwise");
         let d = d.note(format!("the scene names {}; numbers are not converted", names.join(", ")));
         d.help(format!("a param is in another unit than the others; or, if that is meant: {how}"))
     };

@@ -3,6 +3,7 @@
 
 use crate::{
     ast::{BoxDivision, Expr, MeasureAt, MeshSource, RegionExpr},
+    codes::Code,
     diag::Diagnostic,
     source::Span,
 };
@@ -68,7 +69,7 @@ impl Pass<'_> {
             return;
         }
         let text = format!("a place in {}, and coordinates are in {}", unit.show(), length.show());
-        let d = Diagnostic::new("E501", text).at(self.scene.outer(e), unit.show());
+        let d = Diagnostic::new(Code::E501, text).at(self.scene.outer(e), unit.show());
         let from: Option<Span> = self.solved.length_from.map(|f| f.0);
         let d = match from {
             Some(span) => d.at(span, format!("coordinates in {}", length.show())),

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use crate::{
     ast::Unit as Written,
     ast::{BoxDivision, EntityKind, Expansion, ExpansionId, Expr, ExprKind, MeshSource, MulOp, RegionExpr},
+    codes::Code,
     diag::Diagnostic,
     script::ResolvedScript,
     source::{SourceMap, Span},
@@ -238,11 +239,15 @@ fn constant(e: &Expr, values: &BTreeMap<&str, f64>) -> Option<f64> {
 /// The unit that is written; each unknown name is reported.
 pub(super) fn read(written: &Written, found: &mut Vec<Diagnostic>) -> Option<Unit> {
     let mut unit = Some(Unit::pure());
-    for (name, power) in &written.factors {
+    for (k, (name, power)) in written.factors.iter().enumerate() {
         let Some(named) = NamedUnit::find(name) else {
-            let d = Diagnostic::new("E502", format!("unknown unit `{name}`"));
-            let text = NamedUnit::nearest(name).map_or_else(String::new, |n| format!("did you mean `{n}`?"));
-            found.push(d.at(written.span, text));
+            let d = Diagnostic::new(Code::E502, format!("unknown unit `{name}`"));
+            let near = NamedUnit::nearest(name);
+            let d = d.at(written.span, near.as_ref().map_or_else(String::new, |n| format!("did you mean `{n}`?")));
+            found.push(match (near, written.places.get(k)) {
+                (Some(near), Some(place)) => d.replace(*place, near),
+                _ => d,
+            });
             unit = None;
             continue;
         };

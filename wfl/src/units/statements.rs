@@ -2,6 +2,7 @@
 
 use crate::{
     ast::{Expr, Ident, OptionValue, Place, Rank, Reduction},
+    codes::Code,
     diag::Diagnostic,
     script::{Condition, DataValue, Field, FieldKind, Measure, StartKind, Term},
     source::Span,
@@ -274,7 +275,7 @@ impl<'s> Pass<'s> {
 
     fn differ(&mut self, first: &Total, unit: &Unit, at: Span, owner: &Expr) {
         let text = format!("the terms with `Test_{}` have different units once they are integrated", first.test);
-        let d = Diagnostic::new("W505", text).at(at, unit.show()).at(first.at, first.unit.show());
+        let d = Diagnostic::new(Code::W505, text).at(at, unit.show()).at(first.at, first.unit.show());
         self.report(scale_note(d, &first.unit, unit), owner);
     }
 

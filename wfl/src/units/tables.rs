@@ -9,6 +9,7 @@ use super::{
 };
 use crate::{
     ast::{Argument, Expr},
+    codes::Code,
     diag::Diagnostic,
     tables::Head,
 };
@@ -45,7 +46,7 @@ impl Pass<'_> {
             && value.named
             && !self.fits(argument.span, &needed, &found, false)
         {
-            let d = Diagnostic::new("E501", format!("\"{file}\" has rows over another unit"));
+            let d = Diagnostic::new(Code::E501, format!("\"{file}\" has rows over another unit"));
             let d = d
                 .at(self.scene.local(argument, e), format!("{}; the first column has {}", found.show(), needed.show()));
             let d = scale_note(d, &needed, &found);

@@ -16,7 +16,7 @@ fn found(text: &str) -> Vec<String> {
             let l: &crate::Label = d.labels.get(i)?;
             Some(format!("{}: {}", sources.snippet(l.span), l.text))
         };
-        let mut parts = vec![d.code.to_owned()];
+        let mut parts = vec![d.code.to_string()];
         parts.extend((0..2).filter_map(label).chain(d.helps.iter().cloned()));
         parts.join(" | ")
     };

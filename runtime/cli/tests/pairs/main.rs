@@ -161,7 +161,7 @@ fn faults(pair: &Pair) -> Vec<String> {
 fn of_the_page(page: &wfl::CodePage) -> Pair {
     let (wrong, right) = (with_scene(page.wrong), with_scene(page.fixed));
     let command = ["check scene.wfl"; 2].map(str::to_owned);
-    Pair { code: page.code, wrong, right, command, before: None, files: Vec::new() }
+    Pair { code: page.code.as_str(), wrong, right, command, before: None, files: Vec::new() }
 }
 
 /// Every pair is tried, two at a time.
@@ -178,7 +178,7 @@ fn every_code_appears_where_it_must_and_is_silent_beside() {
         assert!(pair.wrong != pair.right || pair.command[0] != pair.command[1], "{} has no near scene", pair.code);
     }
     let out_of_reach = |code: &str| OUT_OF_REACH.iter().any(|(c, _)| *c == code);
-    let pages = wfl::codes().filter(|p| !has_entry(p.code) && !out_of_reach(p.code)).map(of_the_page);
+    let pages = wfl::codes().filter(|p| !has_entry(p.code.as_str()) && !out_of_reach(p.code.as_str())).map(of_the_page);
     let pages: Vec<Pair> = pages.collect();
     let all: Vec<Pair> = pages.into_iter().chain(tables).collect();
     let next = AtomicUsize::new(0);

@@ -1,7 +1,7 @@
-//! Quick fixes: the cures of messages in a range.
+//! Quick fixes: the changes that messages in a range offer.
 
 use lsp_types::{CodeAction, CodeActionKind, CodeActionOrCommand, Range, TextEdit, WorkspaceEdit};
-use wfl::{Cure, cures};
+use wfl::{Edit, edits};
 
 use crate::{
     analysis::Analysis,
@@ -23,25 +23,25 @@ pub(crate) fn actions(view: &View<'_>, range: Range) -> Vec<CodeActionOrCommand>
         if !touches {
             continue;
         }
-        for cure in cures(message, &view.analysis.sources) {
-            let action = action(view.analysis, cure);
+        for edit in edits(message, &view.analysis.sources) {
+            let action = action(view.analysis, edit);
             list.extend(action.filter(|a| list.iter().all(|known| known.title != a.title || known.edit != a.edit)));
         }
     }
     list.into_iter().map(CodeActionOrCommand::CodeAction).collect()
 }
 
-/// A cure as a change; none in the library.
-fn action(analysis: &Analysis, cure: Cure) -> Option<CodeAction> {
-    if analysis.is_library(cure.span.source) {
+/// An edit as a change; none in the library.
+fn action(analysis: &Analysis, offered: Edit) -> Option<CodeAction> {
+    if analysis.is_library(offered.span.source) {
         return None;
     }
-    let place = location(analysis, cure.span)?;
-    let edit = TextEdit { range: place.range, new_text: cure.text };
+    let place = location(analysis, offered.span)?;
+    let edit = TextEdit { range: place.range, new_text: offered.text };
     #[expect(clippy::mutable_key_type, reason = "the protocol keys changes by address")]
     let changes = std::collections::HashMap::from([(place.uri, vec![edit])]);
     Some(CodeAction {
-        title: cure.title,
+        title: offered.title,
         kind: Some(CodeActionKind::QUICKFIX),
         edit: Some(WorkspaceEdit { changes: Some(changes), ..WorkspaceEdit::default() }),
         is_preferred: Some(true),

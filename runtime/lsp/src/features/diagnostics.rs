@@ -1,7 +1,7 @@
 //! Messages at their places.
 
 use lsp_types::{DiagnosticRelatedInformation, DiagnosticSeverity, DiagnosticTag, Location, NumberOrString, Range};
-use wfl::{Diagnostic, SourceId, Span, unquoted};
+use wfl::{Code, Diagnostic, SourceId, Span, unquoted};
 
 use crate::{analysis::Analysis, lines::Lines, places};
 
@@ -53,11 +53,11 @@ fn one(analysis: &Analysis, message: &Diagnostic, home: Option<Span>, range: Ran
     lsp_types::Diagnostic {
         range,
         severity: Some(severity),
-        code: Some(NumberOrString::String(message.code.to_owned())),
+        code: Some(NumberOrString::String(message.code.to_string())),
         source: Some("wfl".to_owned()),
         message: text,
         related_information: (!others.is_empty()).then_some(others),
-        tags: (message.code == "W702").then(|| vec![DiagnosticTag::UNNECESSARY]),
+        tags: (message.code == Code::W702).then(|| vec![DiagnosticTag::UNNECESSARY]),
         ..lsp_types::Diagnostic::default()
     }
 }

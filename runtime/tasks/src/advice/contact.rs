@@ -1,6 +1,6 @@
 //! What is said of the formulation of contact: whether it carries the stress of the bodies (`runtime/checks/src/consistency`).
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_runtime::{
     Scene,
     consistency::{ContactForm, Mistake, Verdict},
@@ -60,12 +60,12 @@ fn param_of(loaded: &Loaded, scene: &Scene, value: f64) -> Option<String> {
     same.next().is_none().then(|| first.clone())
 }
 
-fn code(mistake: &Mistake) -> &'static str {
+fn code(mistake: &Mistake) -> Code {
     match mistake {
-        Mistake::Balance { .. } => "W507",
-        Mistake::Stress { .. } => "W508",
-        Mistake::Law { .. } => "W509",
-        Mistake::Direction(_) => "W510",
+        Mistake::Balance { .. } => Code::W507,
+        Mistake::Stress { .. } => Code::W508,
+        Mistake::Law { .. } => Code::W509,
+        Mistake::Direction(_) => Code::W510,
     }
 }
 

@@ -1,6 +1,6 @@
 //! W611 for bodies that are not positive definite.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_runtime::{Equations, NegativeBody, checks::negative_bodies, finite};
 
 use crate::Loaded;
@@ -11,7 +11,7 @@ pub(super) fn bodies(loaded: &Loaded, first: &Equations) -> Vec<Diagnostic> {
 }
 
 fn told(loaded: &Loaded, body: &NegativeBody) -> Diagnostic {
-    let d = Diagnostic::new("W611", format!("the terms of `{}` on cells are not positive definite", body.field));
+    let d = Diagnostic::new(Code::W611, format!("the terms of `{}` on cells are not positive definite", body.field));
     let text = format!(
         "its stiffness against gradients lies between {:.3e} and {:.3e} at {}",
         body.smallest,

@@ -1,6 +1,6 @@
 //! W517 for contact laws whose distance has the wrong sign.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_runtime::{Equations, ReversedGap, Scene, checks::reversed_gaps, finite};
 
 /// W517 for each contact law through a mapping whose distance is the opposite of that of the mesh.
@@ -11,7 +11,7 @@ pub(super) fn signs(scene: &Scene, first: &Equations) -> Vec<Diagnostic> {
 
 fn told(scene: &Scene, gap: &ReversedGap) -> Diagnostic {
     let term = &scene.terms[gap.term];
-    let d = Diagnostic::new("W517", format!("the distance in `{}` has the wrong sign", term.name));
+    let d = Diagnostic::new(Code::W517, format!("the distance in `{}` has the wrong sign", term.name));
     let words = |x: f64| if x < 0.0 { format!("an overlap of {:.3e}", -x) } else { format!("a distance of {x:.3e}") };
     let text = format!(
         "without displacement it takes {} for {} at {}",

@@ -1,6 +1,6 @@
 //! W511 for rules of a scene that leave deformations of a cell without stiffness.
 
-use wfl::{Diagnostic, ast::QuadratureRule};
+use wfl::{Code, Diagnostic, ast::QuadratureRule};
 use wfl_runtime::{Hourglass, Scene};
 
 use crate::Loaded;
@@ -24,7 +24,7 @@ fn told(mode: &Hourglass) -> Diagnostic {
     let points = if mode.n_points == 1 { "1 point".to_owned() } else { format!("{} points", mode.n_points) };
     let message =
         format!("the rule leaves {} hourglass modes on a {}: deformations without stiffness", mode.modes, mode.kind);
-    Diagnostic::new("W511", message)
+    Diagnostic::new(Code::W511, message)
         .note(format!("{}: these deformations have no strain at the {points} of the rule", names.join(", ")))
         .help(format!("degree {} or more, or no `quadrature` statement for that region", mode.degree))
 }

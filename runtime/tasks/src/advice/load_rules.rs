@@ -1,6 +1,6 @@
 //! W512 for loads that their quadrature rules do not resolve.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_runtime::{CoarseLoad, Scene, finite};
 
 /// W512 for each load whose nodal forces a rule with more points moves.
@@ -20,7 +20,7 @@ fn told(scene: &Scene, load: &CoarseLoad) -> Diagnostic {
         100.0 * load.share,
         finite::position(load.position)
     );
-    Diagnostic::new("W512", format!("the rule on `{}` ({own}) does not resolve this load", term.place))
+    Diagnostic::new(Code::W512, format!("the rule on `{}` ({own}) does not resolve this load", term.place))
         .at(term.span, text)
         .help(format!(
             "smaller cells there, or quadrature on {} with a higher degree; a pole such as 1/x has no integral, and no \

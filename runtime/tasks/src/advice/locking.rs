@@ -1,6 +1,6 @@
 //! W513 for nearly incompressible bodies on elements of degree 1.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_runtime::{Equations, LockedBody, Scene, checks::locked_bodies, finite};
 
 /// W513 for each displacement of degree 1 whose body is nearly incompressible at the first step.
@@ -16,7 +16,7 @@ fn told(scene: &Scene, body: &LockedBody) -> Diagnostic {
         body.ratio,
         finite::position(body.position)
     );
-    let d = Diagnostic::new("W513", message);
+    let d = Diagnostic::new(Code::W513, message);
     let d = match scene.terms.iter().find(|t| body.terms.contains(&t.name)) {
         Some(term) => d.at(term.span, text),
         None => d.note(text),

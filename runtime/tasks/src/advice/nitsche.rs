@@ -1,6 +1,6 @@
 //! What is said of the parameters of Nitsche's method, at the place where they are given.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_runtime::{
     Equations, Scene,
     contact::{Coercivity, coercivity},
@@ -30,14 +30,14 @@ pub fn parameters(loaded: &Loaded, scene: &Scene, first: &Equations) -> Vec<Diag
 fn told(loaded: &Loaded, scene: &Scene, c: &Coercivity) -> Option<Diagnostic> {
     let (d, text, note) = if !c.is_safe() {
         (
-            Diagnostic::new("W503", format!("theta = {} needs a larger gamma on this mesh", c.theta)),
+            Diagnostic::new(Code::W503, format!("theta = {} needs a larger gamma on this mesh", c.theta)),
             format!("smallest safe value here: {}", short(c.smallest())),
             "below it the problem is not coercive, and Newton's method may fail; theta = 0 needs a quarter of the \
              value for theta = 1, theta = -1 has no bound",
         )
     } else if !c.is_usual() {
         (
-            Diagnostic::new("W504", "gamma is out of proportion to the stiffness of the cells at the interface"),
+            Diagnostic::new(Code::W504, "gamma is out of proportion to the stiffness of the cells at the interface"),
             format!("a usual value here: {:.1e}", c.usual()),
             "digits of pressure or jump are lost to rounding",
         )

@@ -1,6 +1,6 @@
 //! W514 for bodies whose law does not know a rotation, W515 for shears that are counted twice or half.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_runtime::{
     CubicBody, Equations, Scene, Turning, TurningBody,
     checks::{cubic_bodies, turning_bodies},
@@ -56,7 +56,7 @@ fn told(scene: &Scene, body: &TurningBody) -> Diagnostic {
              2*mu*Grad_{field}"
         ),
     };
-    let d = Diagnostic::new("W514", message);
+    let d = Diagnostic::new(Code::W514, message);
     let d = d.at_or_note(scene.terms.iter().find(|t| body.terms.contains(&t.name)).map(|term| term.span), text);
     d.note("a rotation strains no body: it gives no stress, and turns the stress that is there").help(help)
 }
@@ -70,7 +70,8 @@ pub(super) fn shears(scene: &Scene, first: &Equations) -> Vec<Diagnostic> {
 fn uneven(scene: &Scene, body: &CubicBody) -> Option<Diagnostic> {
     let isotropic = 0.5 * (body.c11 - body.c12);
     let factor = [0.25, 0.5, 2.0, 4.0].into_iter().find(|f| (body.c44 / isotropic - f).abs() <= ROUNDING * f)?;
-    let d = Diagnostic::new("W515", format!("`{}` is isotropic but for a factor {factor} on its shear", body.field));
+    let d =
+        Diagnostic::new(Code::W515, format!("`{}` is isotropic but for a factor {factor} on its shear", body.field));
     let text = format!(
         "C11 = {:.4e}, C12 = {:.4e}, shear modulus {:.4e} for (C11 - C12)/2 = {isotropic:.4e} at {}",
         body.c11,

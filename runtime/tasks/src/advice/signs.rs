@@ -1,6 +1,6 @@
 //! E613 and E614: loads that nothing balances, and interfaces that drive their sides.
 
-use wfl::Diagnostic;
+use wfl::{Code, Diagnostic};
 use wfl_runtime::{DrivenSides, Scene, UnbalancedLoad};
 
 use crate::{Loaded, words::number};
@@ -20,7 +20,7 @@ fn unbalanced(loaded: &Loaded, load: &UnbalancedLoad) -> Diagnostic {
     let UnbalancedLoad { field, load, terms, largest } = load;
     let names: Vec<String> = terms.iter().map(|t| format!("`{t}`")).collect();
     let names = names.join(", ");
-    let d = Diagnostic::new("E613", format!("no value of `{field}` balances its load"));
+    let d = Diagnostic::new(Code::E613, format!("no value of `{field}` balances its load"));
     let declared = loaded.script.fields.iter().find(|f| f.name.name == *field).map(|f| f.name.span);
     let text = format!("its equation has the load {} and from {names} up to {}", number(*load), number(*largest));
     let d = d.at_or_note(declared, text);
@@ -31,7 +31,7 @@ fn unbalanced(loaded: &Loaded, load: &UnbalancedLoad) -> Diagnostic {
 
 fn driven(loaded: &Loaded, sides: &DrivenSides) -> Diagnostic {
     let DrivenSides { term, field } = sides;
-    let d = Diagnostic::new("E614", format!("`{term}` drives its sides instead of holding them"));
+    let d = Diagnostic::new(Code::E614, format!("`{term}` drives its sides instead of holding them"));
     let text = format!("each motion of `{field}` against the other side that it meets releases energy");
     let named = |t: &&wfl::Term| {
         t.name.as_ref().is_some_and(|n| n.name == *term || term.starts_with(&format!("{} on ", n.name)))
