@@ -6,8 +6,8 @@ use wfl::{
     each_word, is_auto,
 };
 
-use super::{Differentiated, Request, request::known};
-use crate::{Scene, newton::Stop};
+use super::{Differentiated, Request, extended::Live, request::known};
+use crate::{Scene, newton::Stop, rates::Rates};
 
 /// The code of what has no derivative.
 pub const NO_DERIVATIVE: &str = "E470";
@@ -34,6 +34,21 @@ pub(super) fn no_derivative(what: &str, why: Option<Diagnostic>) -> Box<Diagnost
 /// A fault on the way.
 pub(super) fn not_made(why: &str) -> Box<Diagnostic> {
     Box::new(message("the derivatives could not be computed").note(why))
+}
+
+/// A direction of another size than what it moves.
+pub(super) fn other_size(name: &str, given: usize, wanted: usize) -> Result<(), Box<Diagnostic>> {
+    if given == wanted {
+        return Ok(());
+    }
+    let d = message(format!("a direction has {given} numbers for `{name}`, which has {wanted}"));
+    Err(Box::new(d.help("a number for each entry of a parameter, or for each component of each node of a data field")))
+}
+
+/// A result over steps where measures at all steps are wanted.
+pub(super) fn no_whole_measure(name: &str) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` is a result over steps: a Jacobian has its measure at all steps"));
+    Box::new(d.help("the name of the measure alone; sums over steps are sums over the rows"))
 }
 
 /// No such measure.
@@ -73,11 +88,16 @@ pub fn not_together(scene: &Scene) -> Option<Diagnostic> {
     if !system.mesh.is_whole() || !system.team().is_alone() {
         return Some(message("several ranks have no derivatives yet").help("run it without mpirun"));
     }
-    if scene.explicit.is_some() || system.known.rates.is_some() || system.redistribution().is_some() {
+    let of_a_list = scene.steps.are_listed();
+    let reads_start = |r: &Rates| r.scheme().offset() != 0.0 || r.are_read_at_start(of_a_list);
+    if scene.explicit.is_some()
+        || system.redistribution().is_some()
+        || system.known.rates.as_ref().is_some_and(reads_start)
+    {
         let d = message("the rates of this scheme have no derivatives yet");
         return Some(d.help(
-            "states, `Previous_u` and first rates by backward Euler (`scheme backward_euler`) have them, also with steps \
-             `by auto`; differences of whole runs do for the others: wfl sweep",
+            "states, `Previous_u` and first rates by backward Euler, BDF2 and BDF (`scheme bdf2`, steps `by auto`) have \
+             them; differences of whole runs do for the others: wfl sweep",
         ));
     }
     if system.has_moving_images() {
@@ -104,13 +124,18 @@ pub(super) fn not_in_weights(reaction: &Expr, live: &[&str]) -> Result<(), Box<D
 pub(super) fn check(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnostic>> {
     let Differentiated { scene, script, outcome, .. } = of;
     if let Some(d) = not_together(scene) {
-        let at = script.scheme.as_ref().map(|s| s.span).or(script.steps.as_ref().map(|s| s.span));
+        let moving = |m: &&wfl::Mapping| matches!(&m.kind, MappingKind::Search { moving, .. } if !moving.is_empty());
+        let at = match script.mappings.iter().find(moving).filter(|_| scene.system.has_moving_images()) {
+            Some(mapping) => Some(mapping.span),
+            None => script.scheme.as_ref().map(|s| s.span).or(script.steps.as_ref().map(|s| s.span)),
+        };
         return Err(Box::new(match at {
             Some(span) => d.at(span, ""),
             None => d,
         }));
     }
-    if let Some(param) = script.params.iter().find(|p| is_auto(&p.value)) {
+    let is_asked = |p: &&wfl::Param| is_auto(&p.value) && request.parameters.contains(&p.name.name);
+    if let Some(param) = script.params.iter().find(is_asked) {
         let d = message(format!("`{}` is found by the run: derivatives do not follow that", param.name.name));
         let value = scene.params.iter().find(|p| p.0 == param.name.name).and_then(|p| p.1.values.first().copied());
         let shown = value.map_or_else(String::new, |v| format!("; this run found {v}"));
@@ -149,11 +174,11 @@ fn fields(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnosti
 }
 
 /// Refuses parameters that stand where no derivative follows them: mesh, regions, mappings, steps, options.
-pub(super) fn places(script: &ResolvedScript, live: &[&str]) -> Result<(), Box<Diagnostic>> {
+pub(super) fn places(script: &ResolvedScript, live: &[Live]) -> Result<(), Box<Diagnostic>> {
     let mut found: Option<(Span, String, &'static str, &'static str)> = None;
     each_fixed_place(script, &mut |e, what, help| {
         each_word(e, &mut |at, word| {
-            if found.is_none() && live.contains(&word) {
+            if found.is_none() && live.iter().any(|l| l.name == word) {
                 found = Some((at.span, word.to_owned(), what, help));
             }
         });
@@ -161,7 +186,13 @@ pub(super) fn places(script: &ResolvedScript, live: &[&str]) -> Result<(), Box<D
     match found {
         None => Ok(()),
         Some((span, name, what, help)) => {
-            let d = message(format!("`{name}` stands in {what}: there it has no derivative yet"));
+            let asked = live.iter().find(|l| l.name == name).and_then(|l| l.made_of.as_ref());
+            let d = match asked {
+                Some(asked) => message(format!(
+                    "`{asked}` stands in {what} by `{name}`, which is made of it: there it has no derivative yet"
+                )),
+                None => message(format!("`{name}` stands in {what}: there it has no derivative yet")),
+            };
             Err(Box::new(d.at(span, "").help(help)))
         }
     }
