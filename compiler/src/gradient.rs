@@ -6,8 +6,9 @@
 //! The derivative of a value times a weight is made in the same way.
 //!
 //! Behind the fields of the scene stand their companions, one a field, of the same shape and space: the values of a
-//! companion are weights, its test functions are those of the field at the end of the previous step. Promises: kinks take
-//! the branch of the value. Rates that are more than differences are not followed.
+//! companion are weights, its test functions are those of the field at the end of the previous step. Along a direction the
+//! values of a companion are what its field moves by, and the derivative of a residual is a residual again. Promises: kinks
+//! take the branch of the value. What equations read of the past of rates has test functions of fields of its own.
 
 use std::collections::BTreeSet;
 
@@ -19,23 +20,25 @@ use crate::{
     graph::{ExprId, Graph, Leaf, Node, Role},
     law::{KinkKind, Listing, TermLaw, ValueLaw},
     term::{TermSource, law_of, listing_of, value_of},
-    types::{FieldId, FieldOp, PlaceSig, Shape, Side},
+    types::{FieldId, FieldOp, PlaceSig, RateOrder, Shape, Side},
 };
 
-/// The fields of a scene, with their companions behind them, behind those parameters, and last what does not move.
+/// The fields of a scene, with their companions behind them, behind those parameters and their companions, where there are
+/// rates two more fields for each of the scene, and last what does not move.
 #[derive(Clone, Copy, Debug)]
 pub struct Companions {
     /// How many fields the scene has: the companion of field k is field k + n.
     pub n_fields: usize,
-    /// How many parameters stand behind the companions.
+    /// How many parameters stand behind the companions; behind them theirs.
     pub n_parameters: usize,
 }
 
 impl Companions {
-    /// The companion of a field of the scene.
+    /// The companion of a field of the scene, or of a parameter.
     #[must_use]
     pub fn of(self, field: FieldId) -> FieldId {
-        FieldId::new(field.index() + self.n_fields)
+        let behind = if field.index() < self.n_fields { self.n_fields } else { self.n_parameters };
+        FieldId::new(field.index() + behind)
     }
 
     /// Whether something is differentiated in it: a field of the scene, or a parameter.
@@ -44,13 +47,38 @@ impl Companions {
         field.index() < self.n_fields || parameters.contains(&field.index())
     }
 
+    /// The field whose test functions are what a residual reads of the past of the rates of a field of the scene.
+    #[must_use]
+    pub fn history(self, order: RateOrder, field: FieldId) -> FieldId {
+        let first = 2 * (self.n_fields + self.n_parameters);
+        FieldId::new(first + usize::from(order == RateOrder::Second) * self.n_fields + field.index())
+    }
+
     /// What a leaf moves by: the test function of its field, of its companion for the past.
     fn moved(self, g: &mut Graph, leaf: Leaf) -> Option<ExprId> {
         let test = |g: &mut Graph, field, side, op| Some(g.leaf(Leaf::Field { field, side, op, role: Role::Test }));
         match leaf {
             Leaf::Field { field, .. } if !self.moves(field) => None,
             Leaf::Field { field, side, op, role: Role::Current } => test(g, field, side, op),
+            // a parameter was what it is
+            Leaf::Field { field, side, op, role: Role::Previous } if field.index() >= self.n_fields => {
+                test(g, field, side, op)
+            }
             Leaf::Field { field, side, op, role: Role::Previous } => test(g, self.of(field), side, op),
+            Leaf::Field { field, side, op, role: Role::History(order) } => {
+                test(g, self.history(order, field), side, op)
+            }
+            _ => None,
+        }
+    }
+
+    /// What a leaf moves by along a direction: the values of its companion.
+    fn along(self, g: &mut Graph, leaf: Leaf) -> Option<ExprId> {
+        match leaf {
+            Leaf::Field { role: Role::Test | Role::Trial, .. } => None,
+            Leaf::Field { field, side, op, role } if self.moves(field) => {
+                Some(g.leaf(Leaf::Field { field: self.of(field), side, op, role }))
+            }
             _ => None,
         }
     }
@@ -102,6 +130,53 @@ pub fn compile_value_gradient(
     let weighted = graph.inner(root, weight);
     let law = gradient_of(env, place, name, graph, (weighted, companions));
     let value = law.map_err(|none| diagnostics.push(refused(env, place, expr, &none))).ok();
+    Checked { value, diagnostics }
+}
+
+/// The derivative of a term along a direction, which is the values of the companions: a residual in the test functions of
+/// the term.
+#[must_use]
+pub fn compile_term_along(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    source: TermSource<'_>,
+    companions: Companions,
+) -> Checked<TermLaw> {
+    let Checked { value, mut diagnostics } = listing_of(env, place, source);
+    let Some(Listing { mut graph, residual: Some(residual), .. }) = value else {
+        return Checked { value: None, diagnostics };
+    };
+    let law = derive(&mut graph, residual, &mut |g, leaf| companions.along(g, leaf)).map(|residual| {
+        let tangent = graph.number(0.0);
+        law_of(env, place, name, Listing { graph, energy: None, residual: Some(residual), tangent })
+    });
+    let value = law.map_err(|none| diagnostics.push(refused(env, place, source.text(), &none))).ok();
+    Checked { value, diagnostics }
+}
+
+/// The derivative of an expression along a direction, which is the values of the companions; `None` where nothing moves it.
+#[must_use]
+pub fn compile_value_along(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    expr: &Expr,
+    companions: Companions,
+) -> Checked<Option<ValueLaw>> {
+    let mut builder = Builder::new(env, place);
+    let root = builder.expr(expr);
+    let mut diagnostics = std::mem::take(&mut builder.diagnostics);
+    let Some(root) = root else { return Checked { value: None, diagnostics } };
+    let mut graph = builder.graph;
+    let value = match derive(&mut graph, root, &mut |g, leaf| companions.along(g, leaf)) {
+        Ok(moved) if graph.is_zero(moved) => Some(None),
+        Ok(moved) => Some(Some(value_of(env, place, name, graph, moved))),
+        Err(none) => {
+            diagnostics.push(refused(env, place, expr, &none));
+            None
+        }
+    };
     Checked { value, diagnostics }
 }
 

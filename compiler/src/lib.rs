@@ -57,8 +57,8 @@ pub use frozen::{
     ArgumentSlope, FrozenLaw, Projection, ScaledPart, Scaling, SlopesLaw, compile_frozen, scaling_parameters,
 };
 pub use gradient::{
-    Companions, KinkSides, compile_kink_sides, compile_slopes, compile_term_gradient, compile_value_gradient,
-    compile_value_kink_sides,
+    Companions, KinkSides, compile_kink_sides, compile_slopes, compile_term_along, compile_term_gradient,
+    compile_value_along, compile_value_gradient, compile_value_kink_sides,
 };
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};

@@ -152,7 +152,11 @@ pub struct Solved {
 }
 
 /// Reads a scene; the messages tell of errors and warnings. No script after an error.
-fn script_and_messages(
+///
+/// # Panics
+/// For a value of a parameter that is no number.
+#[must_use]
+pub fn script_and_messages(
     folder: &Path,
     text: String,
     edits: &[(&str, String)],
@@ -301,6 +305,23 @@ pub fn differentiated(
     results: &str,
     with: &str,
 ) -> Result<(Solved, Gradients), String> {
+    let request = Request::read(results, with).expect("lists of names");
+    ran(scene, edits, params, |of| gradients(of, &request))
+}
+
+/// Runs a scene of `folder` and makes something of its derivatives.
+///
+/// # Errors
+/// The messages as text.
+///
+/// # Panics
+/// If this processor cannot run machine code.
+pub fn ran<T>(
+    scene: (&Path, String),
+    edits: &[(&str, String)],
+    params: &[(&str, f64)],
+    make: impl FnOnce(Differentiated<'_>) -> Result<T, Box<Diagnostic>>,
+) -> Result<(Solved, T), String> {
     let (folder, text) = scene;
     let backend = JitBackend::new().expect("machine code on this processor");
     let (script, sources, messages) = script_and_messages(folder, text, edits, params);
@@ -310,8 +331,7 @@ pub fn differentiated(
     let options = RunOptions { keep_trajectory: true, ..RunOptions::without_files(2, std::time::Instant::now()) };
     let outcome = run(&scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
     let of = Differentiated { scene: &scene, script: &script, outcome: &outcome, backend: &backend, threads: 2 };
-    let found = gradients(of, &Request::read(results, with).expect("lists of names"));
-    let found = found.map_err(|d| told(&[*d], &sources))?;
+    let found = make(of).map_err(|d| told(&[*d], &sources))?;
     Ok((Solved { scene, outcome }, found))
 }
 

@@ -366,6 +366,29 @@ fn states_and_first_rates_in_time() {
     }
 }
 
+/// Rates by the last three values: what is kept between steps is followed, also into a result that is a rate.
+#[test]
+fn first_rates_by_backward_differentiation() {
+    let text = CREEPING.replace("scheme backward_euler", "scheme bdf2").replace("by 0.25", "by 0.125")
+        + "measure speed = value(Dot_u) at [0.5]\n";
+    let results = "stress, end, mean(stress), speed, sum(speed)";
+    let found = of(text.clone(), &[], results, "E, eta, rate");
+    for result in results.split(", ") {
+        differences(&text, result, &["E", "eta", "rate"], &found);
+    }
+}
+
+/// A parameter within a rate is also in what the rate reads of the step before.
+#[test]
+fn parameters_within_rates() {
+    let text = CREEPING.replace("0.1*eta*Dot_u*Test_u", "0.1*eta*Rate(sqr(1 + rate + u))*Test_u");
+    assert!(text.contains("Rate(sqr("));
+    let found = of(text.clone(), &[], "stress, end, mean(stress)", "E, eta, rate");
+    for result in ["stress", "end", "mean(stress)"] {
+        differences(&text, result, &["E", "eta", "rate"], &found);
+    }
+}
+
 #[test]
 fn what_has_no_derivative_is_told_with_its_place() {
     let refused = |text: &str, results: &str, with: &str| {
@@ -385,8 +408,32 @@ fn what_has_no_derivative_is_told_with_its_place() {
         .replace("to 1.75 by", "to last by")
         .replace("param d ", "param last = 1.75\nparam d ");
     assert!(refused(&steps, "slip", "last").contains("stands in `steps`"));
-    let dynamic = CREEPING.replace("scheme backward_euler", "scheme bdf2");
-    assert!(refused(&dynamic, "end", "E").contains("rates of this scheme"));
+    let dynamic = CREEPING.replace("scheme backward_euler", "scheme newmark beta=1/4 gamma=1/2");
+    let told = refused(&dynamic, "end", "E");
+    assert!(told.contains("rates of this scheme") && told.contains("scene.wfl:14:"), "{told}");
+}
+
+/// A safe parameter of Nitsche's method is found by the run: others have the derivatives that they have beside its number.
+#[test]
+fn a_value_that_the_run_finds_is_kept() {
+    let auto = format!("{BLOCKS}{NITSCHE}").replace("param gamma = 2e5", "param gamma = auto");
+    let made = differentiated((Path::new("."), auto.clone()), &[], &[], "slip, pressure", "E, fric");
+    let (solved, found) = made.unwrap_or_else(|told| panic!("{told}"));
+    assert!(found.notes.iter().any(|note| note.contains("`gamma` keeps the value")), "{:?}", found.notes);
+    let gamma = solved.scene.params.iter().find(|p| p.0 == "gamma").expect("a param").1.values[0];
+    let same = of(format!("{BLOCKS}{NITSCHE}"), &[("gamma", gamma)], "slip, pressure", "E, fric");
+    assert_eq!(found.results, same.results);
+    let told = differentiated((Path::new("."), auto), &[], &[], "slip", "gamma").err().expect("refused");
+    assert!(told.contains("`gamma` is found by the run") && told.contains("this run found"), "{told}");
+}
+
+#[test]
+fn a_mapping_that_moves_is_told_with_its_line() {
+    let folder = examples().join("sliding");
+    let text = std::fs::read_to_string(folder.join("slot.wfl")).expect("an example");
+    let line = 1 + text.lines().position(|l| l.starts_with("mapping")).expect("a mapping");
+    let told = differentiated((&folder, text), &[], &[], "none", "none").err().expect("refused");
+    assert!(told.contains("images that follow the bodies") && told.contains(&format!("scene.wfl:{line}:")), "{told}");
 }
 
 #[test]

@@ -51,6 +51,12 @@ fn differences_of_runs_go_through_the_steps_that_the_first_run_chose() {
     assert!(done.status.success(), "{}", said(&done));
     assert_eq!(said(&done).matches("stress").count(), 4, "{}", said(&done));
     assert!(!said(&done).contains("rough") && !said(&done).contains("kink"), "{}", said(&done));
+    // backward differentiation, of the orders that the first run chose
+    let auto = "steps t = 0 to 1 by auto with error=1e-3\nterm drag on all : 0.2*Dot_u*Test_u\n";
+    folder.write("bar.wfl", BAR.replace("steps t = 0 to 1 by 0.25\n", auto));
+    let done = folder.wfl(&["verify", "bar.wfl", "--gradient", "stress, mean(stress)", "--with", "E,", "eta"]);
+    assert!(done.status.success(), "{}", said(&done));
+    assert!(!said(&done).contains("rough") && !said(&done).contains("kink"), "{}", said(&done));
 }
 
 #[test]

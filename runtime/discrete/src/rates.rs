@@ -5,11 +5,13 @@
 //! one; a step can be begun again with another increment as often as needed; fields without rates keep nothing.
 //! Does not solve anything and knows no equations.
 
+mod linear;
 mod rounding;
 mod scheme;
 
 use std::ops::Range;
 
+pub use linear::Kept;
 pub use scheme::{Alpha, KEPT, Lengths, MOST_ORDER, Row, Rows, Scheme};
 use wfl_compiler::types::{RateFactor, RateForm, RateOrder};
 
@@ -178,6 +180,12 @@ impl Rates {
     /// Backward differentiation takes at most this order in the steps that follow, until it is told another one.
     pub fn take_order(&mut self, order: usize) {
         self.order = order;
+    }
+
+    /// The largest order of backward differentiation that was taken last.
+    #[must_use]
+    pub fn taken_order(&self) -> usize {
+        self.order
     }
 
     /// The scheme.

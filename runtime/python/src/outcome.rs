@@ -5,7 +5,11 @@ use std::path::PathBuf;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::{prelude::*, types::PyDict};
 use wfl_report::{Pages, RunFolder};
-use wfl_runtime::{contact::ContactPoints, gradient::Request, save};
+use wfl_runtime::{
+    contact::ContactPoints,
+    gradient::{Differentiated, Direction, NearKink, Request, When, gradients, jacobian, tangents},
+    save,
+};
 use wfl_tasks::ending::Ending;
 
 use crate::{arrays, desk::Listeners, scene::PyScene, steps, told, work::Finished};
@@ -94,20 +98,24 @@ fn kept<'py>(py: Python<'py>, finished: &Finished) -> PyResult<Vec<Bound<'py, Py
     Ok(list)
 }
 
-#[pymethods]
+/// What there is to tell of derivatives.
+fn tell(made: &Bound<'_, PyDict>, near: &[NearKink], notes: &[String]) -> PyResult<()> {
+    made.set_item("warnings", near.iter().map(|near| near.finding().line()).collect::<Vec<_>>())?;
+    made.set_item("notes", notes)
+}
+
 impl PyOutcome {
-    /// The derivatives of a result: its value, by parameter and by data field its numbers, and what there is to tell.
-    fn gradient<'py>(
+    /// The derivatives of the one result of a request.
+    fn followed<'py>(
         &self,
         py: Python<'py>,
         scene: &Bound<'_, PyScene>,
-        result: &str,
-        with: &str,
+        request: &Request,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let request = Request::read(result, with).map_err(|why| told::refused(py, &format!("error: {why}\n")))?;
         // data may be those of functions of the caller, which are asked again
         let asks = Listeners::default();
-        let found = scene.get().at_work(py, &asks, |work, _| work.gradients(&self.finished, &request))?;
+        let make = |of: Differentiated<'_>| gradients(of, request);
+        let found = scene.get().at_work(py, &asks, |work, _| work.differentiated(&self.finished, make))?;
         let made = PyDict::new(py);
         for gradient in &found.results {
             made.set_item("value", gradient.value)?;
@@ -122,9 +130,79 @@ impl PyOutcome {
             }
             made.set_item("fields", fields)?;
         }
-        let near = found.near.iter().map(|near| near.finding().line());
-        made.set_item("warnings", near.collect::<Vec<_>>())?;
-        made.set_item("notes", &found.notes)?;
+        tell(&made, &found.near, &found.notes)?;
+        Ok(made)
+    }
+}
+
+#[pymethods]
+impl PyOutcome {
+    /// The derivatives of a result: its value, by parameter and by data field its numbers, and what there is to tell.
+    fn gradient<'py>(
+        &self,
+        py: Python<'py>,
+        scene: &Bound<'_, PyScene>,
+        result: &str,
+        with: &str,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let request = Request::read(result, with).map_err(|why| told::refused(py, &format!("error: {why}\n")))?;
+        self.followed(py, scene, &request)
+    }
+
+    /// The derivatives of the sum of measures at all steps, each times its number, as [`Self::gradient`].
+    fn vjp<'py>(
+        &self,
+        py: Python<'py>,
+        scene: &Bound<'_, PyScene>,
+        weights: Vec<(String, Vec<f64>)>,
+        with: &str,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let names: Vec<&str> = weights.iter().map(|w| w.0.as_str()).collect();
+        let mut request =
+            Request::read(&names.join(", "), with).map_err(|why| told::refused(py, &format!("error: {why}\n")))?;
+        for (result, (_, numbers)) in request.results.iter_mut().zip(weights) {
+            result.when = When::Steps(numbers);
+        }
+        request.together = true;
+        self.followed(py, scene, &request)
+    }
+
+    /// What measures do along a direction of parameters and data fields: by step and measure.
+    fn jvp<'py>(
+        &self,
+        py: Python<'py>,
+        scene: &Bound<'_, PyScene>,
+        measures: Vec<String>,
+        parameters: Vec<(String, Vec<f64>)>,
+        fields: Vec<(String, Vec<f64>)>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let (asks, direction) = (Listeners::default(), [Direction { parameters, fields }]);
+        let make = |of: Differentiated<'_>| tangents(of, &measures, &direction);
+        let found = scene.get().at_work(py, &asks, |work, _| work.differentiated(&self.finished, make))?;
+        let made = PyDict::new(py);
+        let by_measure = found.moved.first().map_or(&[][..], Vec::as_slice);
+        let flat: Vec<f64> = (0..found.times.len()).flat_map(|step| by_measure.iter().map(move |m| m[step])).collect();
+        made.set_item("values", PyArray1::from_vec(py, flat).reshape([found.times.len(), measures.len()])?)?;
+        tell(&made, &found.near, &found.notes)?;
+        Ok(made)
+    }
+
+    /// Derivatives of measures at all steps in all entries of parameters and data fields.
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        scene: &Bound<'_, PyScene>,
+        measures: &str,
+        with: &str,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let request = Request::read(measures, with).map_err(|why| told::refused(py, &format!("error: {why}\n")))?;
+        let asks = Listeners::default();
+        let make = |of: Differentiated<'_>| jacobian(of, &request);
+        let found = scene.get().at_work(py, &asks, |work, _| work.differentiated(&self.finished, make))?;
+        let made = PyDict::new(py);
+        let shape = [found.times.len(), found.measures.len(), found.columns.iter().map(|c| c.1).sum()];
+        made.set_item("values", PyArray1::from_vec(py, found.values).reshape(shape)?)?;
+        tell(&made, &found.near, &found.notes)?;
         Ok(made)
     }
 

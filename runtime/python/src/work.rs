@@ -8,7 +8,7 @@ use wfl_runtime::{
     Cadence, Equations, Outcome, RunError, RunOptions, Scene, Session,
     contact::{ContactPoints, contact_points},
     field::FieldSpace,
-    gradient::{Differentiated, Gradients, Request, gradients},
+    gradient::Differentiated,
 };
 use wfl_tasks::{
     Loaded, VERSION, advice, available_threads,
@@ -157,8 +157,12 @@ impl Work {
         }
     }
 
-    /// The derivatives of a result of a run of this scene.
-    pub(crate) fn gradients(&self, of: &Finished, request: &Request) -> Result<Gradients, Vec<Told>> {
+    /// What `make` finds of a run of this scene.
+    pub(crate) fn differentiated<T>(
+        &self,
+        of: &Finished,
+        make: impl FnOnce(Differentiated<'_>) -> Result<T, Box<Diagnostic>>,
+    ) -> Result<T, Vec<Told>> {
         let refused = |text: &str| vec![Told::text(&format!("error: {text}\n"))];
         if of.changes != self.changes {
             return Err(refused("data, first values or steps of the scene were changed after the run: run it again"));
@@ -169,7 +173,7 @@ impl Work {
         let backend = JitBackend::new().map_err(|e| refused(&e.to_string()))?;
         let (script, outcome, threads) = (&self.loaded.script, &of.outcome, of.options.threads);
         let of = Differentiated { scene: &self.scene, script, outcome, backend: &backend, threads };
-        gradients(of, request).map_err(|d| vec![Told::diagnostic(&d, &self.loaded.sources)])
+        make(of).map_err(|d| vec![Told::diagnostic(&d, &self.loaded.sources)])
     }
 
     /// A demanded accuracy is a search over meshes, of which the command writes a record.

@@ -258,6 +258,31 @@ def test_derivatives_are_those_of_the_closed_form():
     assert np.isclose((more - value) / 1e-5, slope[0], rtol=1e-4)
 
 
+def test_a_jacobian_and_its_products():
+    scene = wfl.Scene.from_text(BLOCK + "measure all = integral(u) on all\n")
+    result = scene.run(gradients=True)
+    names = ["E", "grip", "field k"]
+    jacobian = result.jacobian(["end", "all"], names)
+    assert jacobian.shape == (5, 2, 2 + 5)
+    for step in (2, 5):
+        gradient = result.gradient(f"end at t={step / 10}", names)
+        row = jacobian[step - 1, 0]
+        assert np.allclose(row[:2], [gradient["E"], gradient["grip"]], rtol=1e-11, atol=1e-14)
+        assert np.allclose(row[2:], gradient["field k"], rtol=1e-11, atol=1e-14)
+    along = {"grip": 0.3, "field k": np.arange(5.0)}
+    moved = result.jvp(["end", "all"], along)
+    assert moved.shape == (5, 2)
+    assert np.allclose(moved, jacobian[:, :, 1] * 0.3 + jacobian[:, :, 2:] @ np.arange(5.0), rtol=1e-11, atol=1e-14)
+    weights = {"end": np.linspace(1, 2, 5), "all": np.linspace(0, 1, 5)}
+    back = result.vjp(weights, names)
+    whole = np.einsum("sm,sme->e", np.stack(list(weights.values()), axis=1), jacobian)
+    assert np.isclose(back["E"], whole[0], rtol=1e-11) and np.allclose(back["field k"], whole[2:], rtol=1e-11)
+    with pytest.raises(wfl.WflError, match="2 numbers for 5 steps"):
+        result.vjp({"end": [1.0, 2.0]}, ["E"])
+    with pytest.raises(wfl.WflError, match="3 numbers for `k`, which has 5"):
+        result.jvp(["end"], {"field k": [1.0, 2.0, 3.0]})
+
+
 def test_derivatives_need_the_steps_of_the_run():
     scene = wfl.Scene.from_text(BLOCK)
     with pytest.raises(wfl.WflError, match="gradients=True"):

@@ -2,28 +2,27 @@
 
 use std::collections::BTreeMap;
 
-use wfl::{DataValue, Diagnostic, FieldKind as Declared, ResolvedScript, StartKind};
-use wfl_compiler::types::FieldKind;
+use wfl::Diagnostic;
+use wfl_compiler::types::{FieldId, FieldKind, RateOrder};
 
 use super::{
     Differentiated, Gradient, Gradients, Request,
     extended::{Extended, Live},
-    formulas::Formula,
+    formulas::Formulas,
     laws::{Laws, Of},
+    linear::{As, Tangent},
     measures::{Summed, Weighed, weighed},
     near::{Kinks, NearKink, join},
     parameters::to_declared,
     refused::{self, not_made},
-    transposed::Transposed,
+    standing::{self, AGREEMENT, Ends, Standing},
 };
 use crate::{
-    Passed, PassedStep, Trajectory,
+    Passed, PassedStep,
     assemble::FieldValues,
-    scene::{Solving, node_positions},
+    rates::{Kept, Rates},
+    scene::node_positions,
 };
-
-/// The transposed equations hold to this part of their right-hand side, or the tangent is not that of the laws.
-const AGREEMENT: f64 = 1e-6;
 
 /// What a result changes with at the end of a step.
 #[derive(Clone)]
@@ -32,12 +31,15 @@ struct Cotangent {
     u: Vec<f64>,
     /// By field that is not solved for.
     known: Vec<Vec<f64>>,
+    /// Of rates.
+    kept: Kept,
 }
 
 impl Cotangent {
     /// True if a result changes with nothing of it.
     fn is_zero(&self) -> bool {
-        self.u.iter().chain(self.known.iter().flatten()).all(|x| *x == 0.0)
+        let kept = self.kept.iter().flatten();
+        self.u.iter().chain(self.known.iter().chain(kept).flatten()).all(|x| *x == 0.0)
     }
 }
 
@@ -59,15 +61,24 @@ struct Found {
     near: Vec<NearKink>,
 }
 
+impl Found {
+    /// What results follow of what rates keep at the end of a step.
+    fn of_rates(&mut self, rates: &Rates) {
+        for (end, start) in self.end.iter_mut().zip(&mut self.start) {
+            let kept = std::mem::replace(&mut end.kept, rates.nothing());
+            rates.follow_end(&kept, [&mut end.u, &mut start.u], &mut start.kept);
+        }
+    }
+}
+
 /// The run, backwards.
 struct Backwards<'a, 's> {
     of: Differentiated<'a>,
-    trajectory: &'a Trajectory,
     extended: &'a Extended<'a>,
     laws: Laws,
     formulas: Formulas,
-    solving: Solving<'s>,
-    transposed: Transposed,
+    standing: Standing<'a, 's>,
+    tangent: Tangent,
     /// The vector of all derivatives, of one law after the other.
     out: Vec<f64>,
 }
@@ -75,15 +86,9 @@ struct Backwards<'a, 's> {
 /// The derivatives of all results of a request.
 pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) -> Result<Gradients, Box<Diagnostic>> {
     let Differentiated { scene, script, outcome, backend, .. } = of;
-    let names: Vec<&str> = live.iter().map(|l| l.name.as_str()).collect();
-    refused::places(script, &names)?;
-    let trajectory = outcome.trajectory.as_ref().ok_or_else(|| not_made("the steps of the run were not kept"))?;
-    let ends: Vec<usize> =
-        trajectory.steps.iter().enumerate().filter(|(_, s)| s.kind != Passed::Part).map(|(n, _)| n).collect();
-    if ends.len() != outcome.steps.len() {
-        return Err(not_made("a run that was resumed has not kept the steps before: run it again from the start"));
-    }
-    let times: Vec<f64> = ends.iter().map(|n| trajectory.steps[*n].time).collect();
+    refused::places(script, live)?;
+    let (trajectory, ends) = standing::of_run(outcome)?;
+    let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
     let mut extended = Extended::new(scene, live.to_vec());
     let (results, of_measures) = weighed(&mut extended, script, request, &times)?;
     let laws = Laws::new(&extended, script, of_measures, backend)?;
@@ -93,18 +98,16 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     let mut run = Backwards {
         formulas: Formulas::new(&extended, script)?,
         of,
-        trajectory,
         extended: &extended,
         laws,
-        solving: scene.solving(&mut equations),
-        transposed: Transposed::default(),
+        standing: Standing { trajectory, solving: scene.solving(&mut equations) },
+        tangent: Tangent::new(As::Transposed),
         out: vec![0.0; n_entries],
     };
-    let ends: BTreeMap<usize, usize> = ends.into_iter().enumerate().map(|(k, n)| (n, k)).collect();
     let (sums, near) = run.all_steps(&results, &ends, &kinks)?;
-    let (solutions, factorisations) = (run.transposed.solutions, run.transposed.factorisations);
+    let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
     let mut made = Gradients { near, solutions, factorisations, ..Gradients::default() };
-    for ((wanted, weighed), mut sum) in request.results.iter().zip(&results).zip(sums) {
+    for (into, mut sum) in sums.into_iter().enumerate() {
         to_declared(script, &extended, &mut sum.live)?;
         let entries = |name: &String| {
             let k = extended.live.iter().position(|l| l.name == *name)?;
@@ -115,8 +118,8 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
             Some((name.clone(), sum.data[k].clone()))
         };
         made.results.push(Gradient {
-            name: wanted.name.clone(),
-            value: value_of(of, weighed),
+            name: request.names().swap_remove(into),
+            value: results.iter().filter(|w| w.into == into).map(|w| value_of(of, w)).sum(),
             parameters: request.parameters.iter().filter_map(entries).collect(),
             fields: request.fields.iter().filter_map(field).collect(),
         });
@@ -132,81 +135,40 @@ fn value_of(of: Differentiated<'_>, weighed: &Weighed) -> f64 {
     counted.map(|(step, weight)| weight * at(step)).sum()
 }
 
-/// What the formulas of a scene follow of the parameters.
-struct Formulas {
-    /// By `fix` statement that follows one.
-    fixes: Vec<Option<Formula>>,
-    /// By data field.
-    data: BTreeMap<usize, Formula>,
-    /// By field with first values.
-    starts: BTreeMap<usize, Formula>,
-}
-
-impl Formulas {
-    fn new(extended: &Extended<'_>, script: &ResolvedScript) -> Result<Self, Box<Diagnostic>> {
-        let position = |name: &str| extended.scene.system.fields.iter().position(|f| f.name == name);
-        let mut fixes = Vec::new();
-        for fix in &script.fixes {
-            let made = Formula::new(extended, "a prescribed value", &fix.value)?;
-            fixes.push(Some(made).filter(|formula| !formula.is_still()));
-        }
-        let (mut data, mut starts) = (BTreeMap::new(), BTreeMap::new());
-        for field in &script.fields {
-            if let (Declared::Data { value: DataValue::Formula(e) }, Some(k)) =
-                (&field.kind, position(&field.name.name))
-            {
-                let made = Formula::new(extended, &field.name.name, e)?;
-                if !made.is_still() {
-                    data.insert(k, made);
-                }
-            }
-        }
-        for start in &script.starts {
-            if let StartKind::Field { field, value } = &start.kind
-                && let Some(k) = position(&field.name)
-            {
-                let made = Formula::new(extended, "a first value", value)?;
-                if !made.is_still() && extended.scene.system.numbering.has_ties() {
-                    return Err(not_made("first values of nodes that follow others have no derivative yet"));
-                }
-                if !made.is_still() {
-                    starts.insert(k, made);
-                }
-            }
-        }
-        Ok(Self { fixes, data, starts })
-    }
-}
-
 impl Backwards<'_, '_> {
     /// By result its derivatives; and the points between two branches.
     fn all_steps(
         &mut self,
         results: &[Weighed],
-        ends: &BTreeMap<usize, usize>,
+        ends: &Ends,
         kinks: &Kinks,
     ) -> Result<(Vec<Sums>, Vec<NearKink>), Box<Diagnostic>> {
-        let zeros: Vec<Vec<f64>> = self.solving.system.data().iter().map(|v| vec![0.0; v.len()]).collect();
-        let zero = Cotangent { u: vec![0.0; self.solving.system.numbering.n_dofs], known: zeros.clone() };
-        let of_one = || Sums { live: vec![0.0; self.extended.n_live()], data: zeros.clone() };
-        let nothing = vec![zero; results.len()];
+        let trajectory = self.standing.trajectory;
+        let zero = self.nothing();
+        let of_one = || Sums { live: vec![0.0; self.extended.n_live()], data: zero.known.to_vec() };
+        let n_sums = results.iter().map(|w| w.into + 1).max().unwrap_or(0);
+        let nothing = vec![zero.clone(); n_sums];
         let mut found = Found {
             end: nothing.clone(),
             start: Vec::new(),
-            sums: results.iter().map(|_| of_one()).collect(),
+            sums: (0..n_sums).map(|_| of_one()).collect(),
             near: Vec::new(),
         };
         // the states behind the step that is looked at
-        let mut after: Vec<Vec<f64>> = self.solving.system.data().to_vec();
-        for n in (0..self.trajectory.steps.len()).rev() {
-            let step = &self.trajectory.steps[n];
+        let mut after: Vec<Vec<f64>> = self.standing.solving.system.data().to_vec();
+        for n in (0..trajectory.steps.len()).rev() {
+            let step = &trajectory.steps[n];
             let is_read = ends.get(&n).is_some_and(|end| results.iter().any(|w| w.steps[*end] != 0.0));
             if !is_read && found.end.iter().all(Cotangent::is_zero) {
                 after.clone_from(&step.states);
                 continue;
             }
-            self.stand_at(n)?;
+            self.standing.at(n)?;
+            self.laws.set_step(self.standing.step_of(step));
             found.start.clone_from(&nothing);
+            if let Some(rates) = &step.rates {
+                found.of_rates(rates);
+            }
             if let Some(end) = ends.get(&n) {
                 let read = results.iter().enumerate().map(|(k, w)| (k, w, w.steps[*end])).filter(|r| r.2 != 0.0);
                 self.of_results(&read.collect::<Vec<_>>(), (step, &after), kinks, &mut found)?;
@@ -217,8 +179,8 @@ impl Backwards<'_, '_> {
                     self.each_state(|k| add(&mut start.known[k], &end.known[k]));
                 }
             } else {
-                join(&mut found.near, kinks.near(&self.solving, &step.u, (step.time, step.increment), None));
-                self.transposed.is_new = true;
+                join(&mut found.near, kinks.near(&self.standing.solving, &step.u, (step.time, step.increment), None));
+                self.tangent.is_new = true;
                 for ((end, start), sum) in found.end.iter_mut().zip(&mut found.start).zip(&mut found.sums) {
                     self.of_states(step, end, start, sum)?;
                     self.of_equations(step, end, start, sum)?;
@@ -236,6 +198,16 @@ impl Backwards<'_, '_> {
         Ok((found.sums, found.near))
     }
 
+    /// A result that changes with nothing.
+    fn nothing(&self) -> Cotangent {
+        let system = &self.standing.solving.system;
+        Cotangent {
+            u: vec![0.0; system.numbering.n_dofs],
+            known: system.data().iter().map(|v| vec![0.0; v.len()]).collect(),
+            kept: self.standing.rates().map_or_else(Kept::new, Rates::nothing),
+        }
+    }
+
     /// Results that a step counts in, each with its position and weight; `after` are the states behind the step.
     fn of_results(
         &mut self,
@@ -245,53 +217,28 @@ impl Backwards<'_, '_> {
         found: &mut Found,
     ) -> Result<(), Box<Diagnostic>> {
         let (step, after) = at;
-        self.put_states(after);
+        self.standing.put_states(after);
         for (k, weighed, weight) in read {
             let Summed::Points(fields) = &weighed.summed else { continue };
             let shared = self.of_measure((*k, weighed), (fields, *weight), step)?;
             join(&mut found.near, shared);
             let at = (step.time, step.increment);
-            join(&mut found.near, kinks.near(&self.solving, &step.u, at, Some(weighed.measure)));
-            self.spread(1.0, true, &mut found.end[*k], &mut found.start[*k], &mut found.sums[*k].live);
+            join(&mut found.near, kinks.near(&self.standing.solving, &step.u, at, Some(weighed.measure)));
+            let into = weighed.into;
+            self.spread(1.0, true, &mut found.end[into], &mut found.start[into], &mut found.sums[into].live);
         }
-        self.put_states(&step.states);
+        self.standing.put_states(&step.states);
         // where time starts no equation was solved, and a reaction is zero
-        for (k, weighed, weight) in read.iter().filter(|_| step.kind != Passed::Given) {
-            let Summed::Rows(rows) = &weighed.summed else { continue };
+        for (_, weighed, weight) in read.iter().filter(|_| step.kind != Passed::Given) {
+            let (Summed::Rows(rows), into) = (&weighed.summed, weighed.into) else { continue };
             self.of_rows((rows, *weight), step)?;
-            self.spread(-1.0, false, &mut found.end[*k], &mut found.start[*k], &mut found.sums[*k].live);
+            self.spread(-1.0, false, &mut found.end[into], &mut found.start[into], &mut found.sums[into].live);
         }
         Ok(())
-    }
-
-    /// Brings the equations to a step: data, states and the past as its equations read them.
-    fn stand_at(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
-        let steps = &self.trajectory.steps;
-        let step = &steps[n];
-        let (past, at) = match n.checked_sub(1).map(|k| &steps[k]) {
-            Some(past) => (&past.u, (past.time, past.increment)),
-            None => (&self.trajectory.start, (step.time, step.increment)),
-        };
-        let bad = |e: crate::SystemError| not_made(&e.to_string());
-        self.put_states(&step.states);
-        self.solving.set_data(at.0, at.1).map_err(bad)?;
-        self.solving.system.end_step(past);
-        self.solving.set_data(step.time, step.increment).map_err(bad)?;
-        if step.kind != Passed::Given {
-            self.solving.system.begin_step(step.time, step.increment).map_err(bad)?;
-        }
-        self.laws.set_step(self.solving.system.step_at(step.time, step.increment));
-        Ok(())
-    }
-
-    fn put_states(&mut self, states: &[Vec<f64>]) {
-        for state in &self.solving.scene.states {
-            self.solving.system.data_mut(state.field).clone_from(&states[state.field]);
-        }
     }
 
     fn each_state(&self, mut f: impl FnMut(usize)) {
-        self.solving.states.iter().for_each(|state| f(state.field));
+        self.standing.solving.states.iter().for_each(|state| f(state.field));
     }
 
     /// Evaluates laws of derivatives with weights, by position behind the fields of the scene.
@@ -302,7 +249,7 @@ impl Backwards<'_, '_> {
         weights: &BTreeMap<usize, Vec<f64>>,
     ) -> Result<(), Box<Diagnostic>> {
         self.out.fill(0.0);
-        let values = self.solving.system.values(u);
+        let values = self.standing.solving.system.values(u);
         let extended = self.extended;
         let mut current = values.current.clone();
         current.resize(extended.fields.len(), &[]);
@@ -312,14 +259,19 @@ impl Backwards<'_, '_> {
         for (k, numbers) in weights {
             current[*k] = numbers;
         }
-        let values = FieldValues { current: &current, previous: &values.previous, rates: values.rates };
+        // what is read of the past of a parameter is what it is; a scene that reads nothing of the past has none
+        let mut previous = values.previous.clone();
+        if !previous.is_empty() {
+            previous.extend_from_slice(&current[extended.n..]);
+        }
+        let values = FieldValues { current: &current, previous: &previous, rates: values.rates };
         self.laws.add(extended, wanted, values, &mut self.out)
     }
 
     /// Moves what the laws gave, times a factor, to where it belongs. States are those at the end of the step for a measure,
     /// those that the equations read for all others.
     fn spread(&self, factor: f64, at_the_end: bool, end: &mut Cotangent, start: &mut Cotangent, live: &mut [f64]) {
-        let (extended, system) = (self.extended, &self.solving.system);
+        let (extended, system) = (self.extended, &self.standing.solving.system);
         let scaled = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(t, f)| *t += factor * f);
         for (k, field) in system.fields.iter().enumerate() {
             let [now, past] = [k, k + extended.n].map(|k| &self.out[extended.range(k)]);
@@ -335,6 +287,12 @@ impl Backwards<'_, '_> {
                 }
             }
         }
+        if let Some(rates) = self.standing.rates() {
+            let place = |order: RateOrder, field: usize| {
+                extended.range(extended.companions().history(order, FieldId::new(field)).index())
+            };
+            rates.follow_histories(|order, field| &self.out[place(order, field)], factor, &mut start.kept);
+        }
         scaled(live, &self.out[extended.live_range()]);
     }
 
@@ -346,8 +304,8 @@ impl Backwards<'_, '_> {
         step: &PassedStep,
     ) -> Result<Option<NearKink>, Box<Diagnostic>> {
         let ((number, weighed), (fields, weight)) = (result, weights);
-        let values = self.solving.system.values(&step.u);
-        let (points, near) = weighed.at_points(&self.solving, values.view(), (step.time, step.increment));
+        let values = self.standing.solving.system.values(&step.u);
+        let (points, near) = weighed.at_points(&self.standing.solving, values.view(), (step.time, step.increment));
         drop(values);
         let scaled = |list: Vec<f64>| list.into_iter().map(|x| weight * x).collect();
         let weights = fields.iter().copied().zip(points.into_iter().map(scaled)).collect();
@@ -358,7 +316,7 @@ impl Backwards<'_, '_> {
     /// The derivatives of weighted equations of prescribed values.
     fn of_rows(&mut self, rows: (&[(usize, f64)], f64), step: &PassedStep) -> Result<(), Box<Diagnostic>> {
         let (rows, factor) = rows;
-        let numbering = &self.solving.system.numbering;
+        let numbering = &self.standing.solving.system.numbering;
         let mut weights = vec![0.0; numbering.n_dofs];
         rows.iter().for_each(|(dof, weight)| weights[*dof] += factor * weight);
         numbering.frames.turn_back(&mut weights);
@@ -369,7 +327,7 @@ impl Backwards<'_, '_> {
     /// Numbers by dof as the values of the fields that stand for the test functions.
     fn by_test_field(&self, numbers: &[f64]) -> BTreeMap<usize, Vec<f64>> {
         let n = self.extended.n;
-        let ranges = (0..n).filter_map(|k| Some((k + n, self.solving.system.range(k)?)));
+        let ranges = (0..n).filter_map(|k| Some((k + n, self.standing.solving.system.range(k)?)));
         ranges.map(|(k, range)| (k, numbers[range].to_vec())).collect()
     }
 
@@ -383,7 +341,7 @@ impl Backwards<'_, '_> {
     ) -> Result<(), Box<Diagnostic>> {
         let mut weights = BTreeMap::new();
         let n = self.extended.n;
-        for (state, points) in self.solving.scene.states.iter().zip(&self.laws.weights) {
+        for (state, points) in self.standing.solving.scene.states.iter().zip(&self.laws.weights) {
             let functional = std::mem::take(&mut end.known[state.field]);
             let components = (functional.len() / points.len().max(1)).max(1);
             // the weight of a point is in the integral that is evaluated
@@ -410,13 +368,13 @@ impl Backwards<'_, '_> {
         if end.u.iter().all(|x| *x == 0.0) {
             return Ok(());
         }
-        let adjoint = self.transposed.solve(self.solving.system, &step.u, &end.u, self.of.threads)?;
+        let adjoint = self.tangent.solve(self.standing.solving.system, &step.u, &end.u, self.of.threads)?;
         let weights = self.by_test_field(&adjoint);
         self.evaluate(|of| of == Of::Term, &step.u, &weights)?;
         let rhs = end.u.clone();
         self.spread(-1.0, false, end, start, &mut sum.live);
         // what is left is the derivative in the prescribed values, and nothing at the free dofs
-        let numbering = &self.solving.system.numbering;
+        let numbering = &self.standing.solving.system.numbering;
         numbering.turn(&mut end.u);
         let size = rhs.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let free = numbering.free_dofs.iter().map(|d| end.u[*d as usize].abs()).fold(0.0, f64::max);
@@ -435,7 +393,7 @@ impl Backwards<'_, '_> {
         if self.formulas.fixes.iter().all(Option::is_none) {
             return Ok(());
         }
-        let prescribed = &self.solving.prescribed;
+        let prescribed = &self.standing.solving.prescribed;
         let numbers = prescribed.transposed(functional);
         for ((statement, positions), numbers) in prescribed.places().zip(numbers) {
             let stated = self.of.script.fixes.iter().position(|fix| fix.span == statement);
@@ -448,10 +406,10 @@ impl Backwards<'_, '_> {
 
     /// Data at a step.
     fn of_data(&self, step: (f64, f64), end: &Cotangent, sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
-        for (field, _) in &self.solving.data {
+        for (field, _) in &self.standing.solving.data {
             add(&mut sum.data[*field], &end.known[*field]);
             if let Some(formula) = self.formulas.data.get(field) {
-                let positions = node_positions(self.solving.system, *field);
+                let positions = node_positions(self.standing.solving.system, *field);
                 formula.add(self.extended, (&positions, step), &end.known[*field], &mut sum.live)?;
             }
         }
@@ -460,16 +418,21 @@ impl Backwards<'_, '_> {
 
     /// First values, and data before the first step.
     fn of_start(&self, start: &Cotangent, sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
-        let system = &self.solving.system;
+        let system = &self.standing.solving.system;
         for (field, formula) in &self.formulas.starts {
             let functional = match system.range(*field) {
                 Some(range) => &start.u[range],
                 None => &start.known[*field],
             };
             let positions = node_positions(system, *field);
-            formula.add(self.extended, (&positions, (self.solving.steps.first(), 0.0)), functional, &mut sum.live)?;
+            formula.add(
+                self.extended,
+                (&positions, (self.standing.solving.steps.first(), 0.0)),
+                functional,
+                &mut sum.live,
+            )?;
         }
-        match self.trajectory.steps.first() {
+        match self.standing.trajectory.steps.first() {
             Some(first) => self.of_data((first.time, first.increment), start, sum),
             None => Ok(()),
         }

@@ -2,7 +2,9 @@
 //!
 //! A companion has the space of its field: its values are weights, its dofs those of the field at the end of the previous
 //! step ([`wfl_compiler::Companions`]). A parameter that changes is one number, or several, for the whole scene. One vector
-//! has the derivatives in all of them: fields, companions, parameters, each by dof.
+//! has the derivatives in all of them: fields, companions, parameters, each by dof. Along a direction the values of a
+//! companion are what its field moves by. Where there are rates, behind the parameters each field of the scene stands twice
+//! more: for what its equations read of its first and second rates in the past.
 
 use std::{collections::BTreeMap, ops::Range, sync::Arc};
 
@@ -26,6 +28,8 @@ pub(super) struct Live {
     pub(super) values: Vec<f64>,
     /// Its position among the parameters of the script.
     pub(super) declared: usize,
+    /// Of a parameter that nobody asked for: one that was asked for and that its value is made of.
+    pub(super) made_of: Option<String>,
 }
 
 /// Fields of a scene and what stands behind them.
@@ -54,8 +58,11 @@ impl<'a> Extended<'a> {
             fields.push(Field { name: name.clone(), kind: FieldKind::Data, ..field.clone() });
             sigs.push(FieldSig { name, kind: FieldKind::Data, ..sig.clone() });
         }
-        for l in &live {
-            let (name, n_components) = (l.name.clone(), l.shape.len());
+        // parameters, and behind them what they move by
+        for (l, name) in
+            live.iter().map(|l| (l, l.name.clone())).chain(live.iter().map(|l| (l, format!("{}'", l.name))))
+        {
+            let n_components = l.shape.len();
             fields.push(Field { name: name.clone(), kind: FieldKind::Data, n_components, space: FieldSpace::Global });
             sigs.push(FieldSig {
                 name,
@@ -65,6 +72,15 @@ impl<'a> Extended<'a> {
                 global: true,
                 on_faces: false,
             });
+        }
+        if scene.system.rates().is_some() {
+            for order in ["rate", "second rate"] {
+                for (field, sig) in own.iter().zip(&scene.sigs) {
+                    let name = format!("{order} of {}'", field.name);
+                    fields.push(Field { name: name.clone(), kind: FieldKind::Data, ..field.clone() });
+                    sigs.push(FieldSig { name, kind: FieldKind::Data, ..sig.clone() });
+                }
+            }
         }
         let mut n_entries = 0;
         let starts = fields
@@ -145,6 +161,22 @@ impl<'a> Extended<'a> {
     /// The field of a parameter that changes.
     fn field_of(&self, live: usize) -> FieldId {
         FieldId::new(2 * self.n + live)
+    }
+
+    /// Values of all fields along a direction, from those of the fields of the scene: `moved` are those of their companions,
+    /// `live` what the parameters move by.
+    pub(super) fn with_directions<'v>(
+        &'v self,
+        own: &[&'v [f64]],
+        moved: Vec<&'v [f64]>,
+        live: &'v [f64],
+    ) -> Vec<&'v [f64]> {
+        let mut values = own.to_vec();
+        values.extend(moved);
+        values.extend(self.live.iter().map(|l| l.values.as_slice()));
+        values.extend((0..self.live.len()).map(|k| &live[self.entries_of(k)]));
+        values.resize(self.fields.len(), &[]);
+        values
     }
 
     /// The entries of a parameter that changes among those of all.

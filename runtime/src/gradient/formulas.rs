@@ -1,6 +1,8 @@
 //! Formulas of positions and the step variable, with their slopes in parameters: prescribed values, data, first values.
 
-use wfl::ast::Expr;
+use std::collections::BTreeMap;
+
+use wfl::{DataValue, Diagnostic, FieldKind as Declared, ResolvedScript, StartKind, ast::Expr};
 use wfl_compiler::{InterpreterBackend, ValueLaw, compile_slopes, types::InputSlot};
 
 use super::{
@@ -8,7 +10,6 @@ use super::{
     refused::{first, no_derivative, not_made},
 };
 use crate::value::Value;
-use wfl::Diagnostic;
 
 /// A formula, differentiated.
 pub(super) struct Formula {
@@ -50,6 +51,70 @@ impl Formula {
             *sum += slopes.iter().zip(functional).map(|(s, f)| s * f).sum::<f64>();
         }
         Ok(())
+    }
+
+    /// What the formula moves by at positions (component fastest) and a step, where the parameters move by `live`.
+    pub(super) fn moved(
+        &self,
+        extended: &Extended<'_>,
+        at: (&[[f64; 3]], (f64, f64)),
+        live: &[f64],
+    ) -> Result<Vec<f64>, Box<Diagnostic>> {
+        let (positions, step) = at;
+        let mut out = Vec::new();
+        let moving = self.slopes.iter().zip(live).filter_map(|(v, by)| Some((v.as_ref()?, *by)));
+        for (value, by) in moving.filter(|_| !positions.is_empty()) {
+            let slopes = values(value, |slot| extended.value_of(slot), positions, step)?;
+            out.resize(slopes.len(), 0.0);
+            out.iter_mut().zip(&slopes).for_each(|(x, slope): (&mut f64, &f64)| *x += by * slope);
+        }
+        Ok(out)
+    }
+}
+
+/// What the formulas of a scene follow of the parameters.
+pub(super) struct Formulas {
+    /// By `fix` statement that follows one.
+    pub(super) fixes: Vec<Option<Formula>>,
+    /// By data field.
+    pub(super) data: BTreeMap<usize, Formula>,
+    /// By field with first values.
+    pub(super) starts: BTreeMap<usize, Formula>,
+}
+
+impl Formulas {
+    pub(super) fn new(extended: &Extended<'_>, script: &ResolvedScript) -> Result<Self, Box<Diagnostic>> {
+        let position = |name: &str| extended.scene.system.fields.iter().position(|f| f.name == name);
+        let mut fixes = Vec::new();
+        for fix in &script.fixes {
+            let made = Formula::new(extended, "a prescribed value", &fix.value)?;
+            fixes.push(Some(made).filter(|formula| !formula.is_still()));
+        }
+        let (mut data, mut starts) = (BTreeMap::new(), BTreeMap::new());
+        for field in &script.fields {
+            if let (Declared::Data { value: DataValue::Formula(e) }, Some(k)) =
+                (&field.kind, position(&field.name.name))
+            {
+                let made = Formula::new(extended, &field.name.name, e)?;
+                if !made.is_still() {
+                    data.insert(k, made);
+                }
+            }
+        }
+        for start in &script.starts {
+            if let StartKind::Field { field, value } = &start.kind
+                && let Some(k) = position(&field.name)
+            {
+                let made = Formula::new(extended, "a first value", value)?;
+                if !made.is_still() && extended.scene.system.numbering.has_ties() {
+                    return Err(not_made("first values of nodes that follow others have no derivative yet"));
+                }
+                if !made.is_still() {
+                    starts.insert(k, made);
+                }
+            }
+        }
+        Ok(Self { fixes, data, starts })
     }
 }
 

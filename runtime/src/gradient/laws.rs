@@ -138,7 +138,7 @@ pub(super) fn weights_of(extended: &Extended<'_>, domain: &Arc<Domain>) -> Vec<f
 }
 
 /// Machine code for laws on their points.
-fn callable(
+pub(super) fn callable(
     extended: &Extended<'_>,
     placed: Vec<Placed>,
     backend: &dyn KernelBackend,
@@ -158,7 +158,11 @@ fn callable(
 
 impl crate::Scene {
     /// The text of a law.
-    fn source_of<'s>(&self, script: &'s ResolvedScript, origin: Origin) -> Option<wfl_compiler::TermSource<'s>> {
+    pub(super) fn source_of<'s>(
+        &self,
+        script: &'s ResolvedScript,
+        origin: Origin,
+    ) -> Option<wfl_compiler::TermSource<'s>> {
         use wfl_compiler::TermSource;
         match origin {
             Origin::Term(k) => {

@@ -34,6 +34,8 @@ pub(super) enum Summed {
 
 /// A measure as a weighted sum.
 pub(super) struct Weighed {
+    /// The sum that it is added to.
+    pub(super) into: usize,
     /// Position of the measure in the scene.
     pub(super) measure: usize,
     /// Of what.
@@ -53,6 +55,7 @@ pub(super) fn weighed(
     let scene = extended.scene;
     let (mut results, mut laws) = (Vec::new(), Vec::new());
     for (number, wanted) in request.results.iter().enumerate() {
+        let into = if request.together { 0 } else { number };
         let measure = scene.measures.iter().position(|m| m.name == wanted.measure);
         let declared = script.measures.iter().find(|m| m.name.name == wanted.measure);
         let (Some(measure), Some(declared)) = (measure, declared) else {
@@ -68,7 +71,7 @@ pub(super) fn weighed(
             }
             let names: Vec<&str> = extended.live.iter().map(|live| live.name.as_str()).collect();
             not_in_weights(&declared.expr, &names)?;
-            results.push(Weighed { measure, summed: Summed::Rows(rows.to_vec()), steps });
+            results.push(Weighed { into, measure, summed: Summed::Rows(rows.to_vec()), steps });
             continue;
         }
         let Some((_, points)) = scene.measures[measure].at_points() else {
@@ -88,7 +91,7 @@ pub(super) fn weighed(
         if !any {
             return Err(flat(&wanted.measure, declared.expr.span));
         }
-        results.push(Weighed { measure, summed: Summed::Points(fields), steps });
+        results.push(Weighed { into, measure, summed: Summed::Points(fields), steps });
     }
     Ok((results, laws))
 }
@@ -176,7 +179,7 @@ fn places(
     let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
     let mut found: Vec<[f64; 3]> = Vec::new();
     for (value, sampled) in parts {
-        value.at_step(step).for_each_point(mesh, sampled, values, |g, entity, q, _, v| {
+        value.at_step(values.step(step.0, step.1)).for_each_point(mesh, sampled, values, |g, entity, q, _, v| {
             let here = &sampled.domain.groups[g].here;
             let x = mesh.point_at(here.cells[entity], &here.geometry, q);
             let is_known = |y: &[f64; 3]| (0..3).all(|d| (x[d] - y[d]).abs() <= NEAR * extent);
@@ -192,7 +195,7 @@ fn places(
 fn taken(solving: &Solving<'_>, part: (&Value, &Sampled), values: FieldValues<'_>, step: (f64, f64)) -> Vec<[f64; 2]> {
     let (value, sampled) = part;
     let mut out = Vec::new();
-    let value = value.at_step(step);
+    let value = value.at_step(values.step(step.0, step.1));
     value.for_each_point(&solving.system.mesh, sampled, values, |_, _, _, weight, v| out.push([weight, v[0]]));
     out
 }

@@ -6,20 +6,28 @@
 //! `S_(u-)' sbar - R_(u-)' l` and `S_s' sbar - R_s' l`. Prescribed values have `ubar - R_g' l`. `K_n` is the tangent as the
 //! terms are written, on the branches of the solution: one solution a step and result, however many parameters.
 //!
+//! From the first step to the last one, along a direction of the parameters: `K_n du_n = -(R_p dp + R_(u-) du_(n-1) + R_s
+//! ds_(n-1) + R_g dg)`, then `ds_n`: one solution a step and direction, however many results. Both use laws of their own, so
+//! that each is a test of the other.
+//!
 //! Laws of derivatives are compiled on request ([`wfl_compiler::compile_term_gradient`]): a run without derivatives
 //! compiles and stores nothing. Promises: what has no derivative is an error with its place, zero is never written for
 //! it; points between two branches are counted. Does not run scenes.
 
 mod adjoint;
+mod along;
 mod extended;
 mod formulas;
+mod forward;
+mod jacobian;
 mod laws;
+mod linear;
 mod measures;
 mod near;
 mod parameters;
 mod refused;
 mod request;
-mod transposed;
+mod standing;
 
 use std::time::Instant;
 
@@ -27,6 +35,8 @@ use wfl::{Diagnostic, ResolvedScript};
 use wfl_compiler::backend::KernelBackend;
 
 use crate::{Outcome, Scene};
+pub use forward::{Direction, Moved, Tangents};
+pub use jacobian::{Jacobian, Mode};
 pub use near::NearKink;
 pub use refused::{NO_DERIVATIVE, not_together};
 pub use request::{Request, Result as WantedResult, When};
@@ -97,7 +107,42 @@ pub fn gradients(of: Differentiated<'_>, request: &Request) -> Result<Gradients,
     refused::check(of, request)?;
     let live = parameters::live(of.script, of.scene, request)?;
     let mut made = adjoint::solve(of, request, &live)?;
-    made.notes.extend(parameters::notes(of.script, request, &live));
+    made.notes.extend(parameters::notes(of.script, of.scene, request, &live));
     made.seconds = begin.elapsed().as_secs_f64();
     Ok(made)
+}
+
+/// What measures do along directions of the parameters, at all steps.
+///
+/// # Errors
+/// As [`gradients`]; for a direction of another size than its parameter.
+pub fn tangents(
+    of: Differentiated<'_>,
+    measures: &[String],
+    directions: &[Direction],
+) -> Result<Tangents, Box<Diagnostic>> {
+    let begin = Instant::now();
+    let request = forward::request(measures, directions);
+    refused::check(of, &request)?;
+    let live = parameters::live(of.script, of.scene, &request)?;
+    let mut made = forward::solve(of, &request, &live, directions)?;
+    made.notes.extend(parameters::notes(of.script, of.scene, &request, &live));
+    made.seconds = begin.elapsed().as_secs_f64();
+    Ok(made)
+}
+
+/// The derivatives of measures at all steps in all entries of parameters and data fields.
+///
+/// # Errors
+/// As [`gradients`].
+pub fn jacobian(of: Differentiated<'_>, request: &Request) -> Result<Jacobian, Box<Diagnostic>> {
+    jacobian::by(of, request, None)
+}
+
+/// The same, along directions or from results.
+///
+/// # Errors
+/// As [`gradients`].
+pub fn jacobian_by(of: Differentiated<'_>, request: &Request, mode: Mode) -> Result<Jacobian, Box<Diagnostic>> {
+    jacobian::by(of, request, Some(mode))
 }

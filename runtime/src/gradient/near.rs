@@ -58,6 +58,8 @@ impl NearKink {
 pub(super) fn join(known: &mut Vec<NearKink>, found: impl IntoIterator<Item = NearKink>) {
     for near in found {
         match known.iter_mut().find(|k| k.place == near.place && k.kind == near.kind) {
+            // two results of one measure
+            Some(later) if later.time.to_bits() == near.time.to_bits() => {}
             Some(later) => *later = NearKink { more: later.more + 1, ..near },
             None => known.push(near),
         }
@@ -143,7 +145,7 @@ impl Kink {
     fn near(&self, solving: &Solving<'_>, values: FieldValues<'_>, step: (f64, f64)) -> Vec<NearKink> {
         let n = self.kinds.len();
         let mut points: Vec<f64> = Vec::new();
-        let value = self.value.at_step(step);
+        let value = self.value.at_step(values.step(step.0, step.1));
         value.for_each_point(&solving.system.mesh, &self.sampled, values, |_, _, _, _, v| points.extend_from_slice(v));
         let at = |point: &[f64], k: usize| [point[2 * k], point[2 * k + 1]];
         let size = |p: &[f64], k: usize| at(p, k).into_iter().fold(0.0f64, |m, x| m.max(x.abs()));

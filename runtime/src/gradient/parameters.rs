@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use wfl::{
     Code, DataValue, Diagnostic, FieldKind, Measure, Param, ResolvedScript, StartKind,
     ast::{Cond, Expr, ExprKind},
-    children, cond_children, each_name, split_prefixes,
+    children, cond_children, each_name, is_auto, split_prefixes,
 };
 use wfl_compiler::{
     Constant, compile_slopes,
@@ -36,9 +36,15 @@ pub(super) fn live(script: &ResolvedScript, scene: &Scene, request: &Request) ->
     for (declared, param) in script.params.iter().enumerate() {
         let name = &param.name.name;
         let mut depends = request.parameters.contains(name);
-        each_name(&param.value, &mut |word| depends |= found.iter().any(|l| l.name == word));
+        let mut made_of = None;
+        each_name(&param.value, &mut |word| {
+            let of = found.iter().find(|l| l.name == word);
+            depends |= of.is_some();
+            made_of = made_of.take().or(of.map(|l| l.made_of.clone().unwrap_or(l.name.clone())));
+        });
+        let made_of = made_of.filter(|_| !request.parameters.contains(name));
         if let Some((_, Constant { shape, values, .. })) = scene.params.iter().find(|p| depends && p.0 == *name) {
-            found.push(Live { name: name.clone(), shape: *shape, values: values.clone(), declared });
+            found.push(Live { name: name.clone(), shape: *shape, values: values.clone(), declared, made_of });
         }
     }
     Ok(found)
@@ -51,28 +57,56 @@ pub(super) fn to_declared(
     gradient: &mut [f64],
 ) -> Result<(), Box<Diagnostic>> {
     for k in (0..extended.live.len()).rev() {
-        let param: &Param = &script.params[extended.live[k].declared];
-        let directions: Vec<(FieldId, usize)> = (0..k).flat_map(|j| extended.directions_of(j)).collect();
-        if directions.is_empty() {
-            continue;
-        }
-        let (env, place) = (extended.env(), extended.positions());
-        let slopes = compile_slopes(&env, &place, "a param", &param.value, &directions);
-        let Some(slopes) = slopes.value else { return Err(no_derivative(&param.name.name, first(slopes.diagnostics))) };
         let own = extended.entries_of(k);
-        for (to, slope) in slopes.into_iter().enumerate() {
-            let Some(law) = slope else { continue };
-            let value = evaluated(law, |slot: &InputSlot| extended.value_of(slot), &[[0.0; 3]], (0.0, 0.0))?;
-            let moved: f64 = value.iter().zip(&gradient[own.clone()]).map(|(s, g)| s * g).sum();
+        for (to, slopes) in slopes(script, extended, k)? {
+            let moved: f64 = slopes.iter().zip(&gradient[own.clone()]).map(|(s, g)| s * g).sum();
             gradient[to] += moved;
         }
     }
     Ok(())
 }
 
+/// Adds to what parameters move by what those move that their values are made of; by entry of the live parameters.
+pub(super) fn from_declared(
+    script: &ResolvedScript,
+    extended: &Extended<'_>,
+    moved: &mut [f64],
+) -> Result<(), Box<Diagnostic>> {
+    for k in 0..extended.live.len() {
+        let own = extended.entries_of(k);
+        for (from, slopes) in slopes(script, extended, k)? {
+            let by = moved[from];
+            moved[own.clone()].iter_mut().zip(slopes).for_each(|(x, slope)| *x += by * slope);
+        }
+    }
+    Ok(())
+}
+
+/// By entry of the parameters before it that the value of a parameter is made of: the derivatives of its entries.
+fn slopes(
+    script: &ResolvedScript,
+    extended: &Extended<'_>,
+    k: usize,
+) -> Result<Vec<(usize, Vec<f64>)>, Box<Diagnostic>> {
+    let param: &Param = &script.params[extended.live[k].declared];
+    let directions: Vec<(FieldId, usize)> = (0..k).flat_map(|j| extended.directions_of(j)).collect();
+    if directions.is_empty() {
+        return Ok(Vec::new());
+    }
+    let (env, place) = (extended.env(), extended.positions());
+    let slopes = compile_slopes(&env, &place, "a param", &param.value, &directions);
+    let Some(slopes) = slopes.value else { return Err(no_derivative(&param.name.name, first(slopes.diagnostics))) };
+    let mut out = Vec::new();
+    for (entry, law) in slopes.into_iter().enumerate().filter_map(|(k, law)| Some((k, law?))) {
+        let known = |slot: &InputSlot| extended.value_of(slot);
+        out.push((entry, evaluated(law, known, &[[0.0; 3]], (0.0, 0.0))?));
+    }
+    Ok(out)
+}
+
 /// What there is to know of the parameters: those that nothing reads, and those in conditions that follow nothing that is
 /// solved for, where a branch may end elsewhere for another value.
-pub(super) fn notes(script: &ResolvedScript, request: &Request, live: &[Live]) -> Vec<String> {
+pub(super) fn notes(script: &ResolvedScript, scene: &Scene, request: &Request, live: &[Live]) -> Vec<String> {
     let (mut read, mut decides) = (BTreeSet::new(), BTreeSet::new());
     let is_field = |word: &str| script.fields.iter().any(|f| f.name.name == split_prefixes(word).1);
     for_each_formula(script, request, &mut |e| {
@@ -96,7 +130,13 @@ pub(super) fn notes(script: &ResolvedScript, request: &Request, live: &[Live]) -
         )),
         (true, false) => None,
     };
-    live.iter().filter_map(note).collect()
+    let kept = |p: &Param| {
+        let value = scene.params.iter().find(|(name, _)| *name == p.name.name).and_then(|p| p.1.values.first());
+        let shown = value.map_or_else(String::new, |v| format!(" {v}"));
+        format!("`{}` keeps the value{shown} that this run has found: what changes it is not followed", p.name.name)
+    };
+    let found = script.params.iter().filter(|p| is_auto(&p.value)).map(kept);
+    live.iter().filter_map(note).chain(found).collect()
 }
 
 /// Calls `f` for every expression that a solution or a result is made of.

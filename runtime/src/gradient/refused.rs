@@ -6,8 +6,8 @@ use wfl::{
     each_word, is_auto,
 };
 
-use super::{Differentiated, Request, request::known};
-use crate::{Scene, newton::Stop, scene::place_of_moving};
+use super::{Differentiated, Request, extended::Live, request::known};
+use crate::{Scene, newton::Stop, rates::Rates, scene::place_of_moving};
 
 /// The code of what has no derivative.
 pub const NO_DERIVATIVE: Code = Code::E470;
@@ -34,6 +34,21 @@ pub(super) fn no_derivative(what: &str, why: Option<Diagnostic>) -> Box<Diagnost
 /// A fault on the way.
 pub(super) fn not_made(why: &str) -> Box<Diagnostic> {
     Box::new(message("the derivatives could not be computed").note(why))
+}
+
+/// A direction of another size than what it moves.
+pub(super) fn other_size(name: &str, given: usize, wanted: usize) -> Result<(), Box<Diagnostic>> {
+    if given == wanted {
+        return Ok(());
+    }
+    let d = message(format!("a direction has {given} numbers for `{name}`, which has {wanted}"));
+    Err(Box::new(d.help("a number for each entry of a parameter, or for each component of each node of a data field")))
+}
+
+/// A result over steps where measures at all steps are wanted.
+pub(super) fn no_whole_measure(name: &str) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` is a result over steps: a Jacobian has its measure at all steps"));
+    Box::new(d.help("the name of the measure alone; sums over steps are sums over the rows"))
 }
 
 /// No such measure.
@@ -76,11 +91,13 @@ pub fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic
         let d = message("several ranks have no derivatives yet").help("run it without mpirun");
         return Some(placed(d, steps()));
     }
-    if scene.explicit.is_some() || system.rates().is_some() || system.redistribution().is_some() {
+    let of_a_list = scene.steps.are_listed();
+    let reads_start = |r: &Rates| r.scheme().offset() != 0.0 || r.are_read_at_start(of_a_list);
+    if scene.explicit.is_some() || system.redistribution().is_some() || system.rates().is_some_and(reads_start) {
         let d = message("the rates of this scheme have no derivatives yet");
         let d = d.help(
-            "states, `Previous_u` and first rates by backward Euler (`scheme backward_euler`) have them, also with steps \
-             `by auto`; differences of whole runs do for the others: wfl sweep",
+            "states, `Previous_u` and first rates by backward Euler, BDF2 and BDF (`scheme bdf2`, steps `by auto`) have \
+             them; differences of whole runs do for the others: wfl sweep",
         );
         return Some(placed(d, steps()));
     }
@@ -118,7 +135,8 @@ pub(super) fn check(of: Differentiated<'_>, request: &Request) -> Result<(), Box
     if let Some(d) = not_together(scene, script) {
         return Err(Box::new(d));
     }
-    if let Some(param) = script.params.iter().find(|p| is_auto(&p.value)) {
+    let is_asked = |p: &&wfl::Param| is_auto(&p.value) && request.parameters.contains(&p.name.name);
+    if let Some(param) = script.params.iter().find(is_asked) {
         let d = message(format!("`{}` is found by the run: derivatives do not follow that", param.name.name));
         let value = scene.params.iter().find(|p| p.0 == param.name.name).and_then(|p| p.1.values.first().copied());
         let shown = value.map_or_else(String::new, |v| format!("; this run found {v}"));
@@ -157,11 +175,11 @@ fn fields(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnosti
 }
 
 /// Refuses parameters that stand where no derivative follows them: mesh, regions, mappings, steps, options.
-pub(super) fn places(script: &ResolvedScript, live: &[&str]) -> Result<(), Box<Diagnostic>> {
+pub(super) fn places(script: &ResolvedScript, live: &[Live]) -> Result<(), Box<Diagnostic>> {
     let mut found: Option<(Span, String, &'static str, &'static str)> = None;
     each_fixed_place(script, &mut |e, what, help| {
         each_word(e, &mut |at, word| {
-            if found.is_none() && live.contains(&word) {
+            if found.is_none() && live.iter().any(|l| l.name == word) {
                 found = Some((at.span, word.to_owned(), what, help));
             }
         });
@@ -169,7 +187,13 @@ pub(super) fn places(script: &ResolvedScript, live: &[&str]) -> Result<(), Box<D
     match found {
         None => Ok(()),
         Some((span, name, what, help)) => {
-            let d = message(format!("`{name}` stands in {what}: there it has no derivative yet"));
+            let asked = live.iter().find(|l| l.name == name).and_then(|l| l.made_of.as_ref());
+            let d = match asked {
+                Some(asked) => message(format!(
+                    "`{asked}` stands in {what} by `{name}`, which is made of it: there it has no derivative yet"
+                )),
+                None => message(format!("`{name}` stands in {what}: there it has no derivative yet")),
+            };
             Err(Box::new(d.at(span, "").help(help)))
         }
     }

@@ -3,7 +3,7 @@
 use wfl::nearest;
 
 /// At which steps a measure counts.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum When {
     /// At the last step.
     Last,
@@ -13,6 +13,8 @@ pub enum When {
     Mean,
     /// At the step that ends at this value of the step variable.
     At(f64),
+    /// The sum over all steps, each times its number.
+    Steps(Vec<f64>),
 }
 
 /// A result: a measure at some steps.
@@ -35,6 +37,8 @@ pub struct Request {
     pub parameters: Vec<String>,
     /// Data fields by name.
     pub fields: Vec<String>,
+    /// The results are summands of one.
+    pub together: bool,
 }
 
 /// Values of the step variable within this part of the range are one.
@@ -69,6 +73,14 @@ impl Request {
     }
 }
 
+impl Request {
+    /// The names of the derivatives: a result each, or the sum of all.
+    pub(super) fn names(&self) -> Vec<String> {
+        let names: Vec<String> = self.results.iter().map(|r| r.name.clone()).collect();
+        if self.together { vec![names.join(" + ")] } else { names }
+    }
+}
+
 impl Result {
     /// The weight of a step in the result: steps are those that end at these values.
     ///
@@ -77,11 +89,13 @@ impl Result {
     pub fn weights(&self, times: &[f64]) -> std::result::Result<Vec<f64>, String> {
         let n = times.len();
         let mut weights = vec![0.0; n];
-        match self.when {
+        match &self.when {
             When::Last => weights.iter_mut().rev().take(1).for_each(|w| *w = 1.0),
             When::Sum => weights.fill(1.0),
             #[expect(clippy::cast_precision_loss, reason = "as many steps as memory holds")]
             When::Mean => weights.fill(1.0 / n as f64),
+            When::Steps(given) if given.len() == n => weights.copy_from_slice(given),
+            When::Steps(given) => return Err(format!("{} numbers for {n} steps", given.len())),
             When::At(time) => {
                 let span = times.iter().fold(0.0f64, |m, t| m.max((t - times[0]).abs())).max(time.abs() * f64::EPSILON);
                 let met = times.iter().position(|t| (t - time).abs() <= SAME_TIME * span);
@@ -147,7 +161,7 @@ mod tests {
     fn lists_are_read_as_they_are_written() {
         let read = Request::read("Fn, sum( misfit ),mean(a), slip at t = 4.5", "E, fric,E, field k").unwrap();
         let whens: Vec<(&str, &str, When)> =
-            read.results.iter().map(|r| (r.name.as_str(), r.measure.as_str(), r.when)).collect();
+            read.results.iter().map(|r| (r.name.as_str(), r.measure.as_str(), r.when.clone())).collect();
         assert_eq!(
             whens,
             [

@@ -32,6 +32,11 @@ const WEIGHT: i32 = 40;
 
 /// Begins the rates of a step; gives the time at which its equations stand.
 pub(super) fn enter(scene: &mut Solving<'_>, at: StepTime) -> StepTime {
+    if let Some(rates) = scene.system.rates_mut() {
+        // steps that another run has chosen have its orders
+        let given = scene.scene.steps.orders.iter().find(|(value, _)| value.to_bits() == at.time.to_bits());
+        given.iter().for_each(|(_, order)| rates.take_order(*order));
+    }
     scene.system.begin_rates(at.increment);
     StepTime { time: at.time - offset(scene) * at.increment, ..at }
 }
@@ -87,7 +92,7 @@ pub(super) fn leave(scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) -> Res
 /// The rates where time starts, at the state `u` and the first increment `at`.
 pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<(), NewtonError> {
     let most = scene.system.rates().map_or(0, |rates| rates.scheme().most_order(RateForm::First));
-    let of_a_list = scene.steps.auto.is_none();
+    let of_a_list = scene.steps.are_listed();
     let begins_with_rates = most > 2 && of_a_list;
     if !scene.system.rates().is_some_and(|rates| rates.are_read_at_start(of_a_list)) {
         return Ok(());

@@ -7,6 +7,7 @@ use super::{RunOptions, rates::StepTime};
 use crate::{
     field::Field,
     newton::{StepHistory, Stop},
+    rates::Rates,
     scene::Solving,
 };
 use wfl_compiler::types::FieldKind;
@@ -31,6 +32,8 @@ pub struct PassedStep {
     pub u: Vec<f64>,
     /// By field its values as the equations read them: those of states at the start of the step; empty for other fields.
     pub states: Vec<Vec<f64>>,
+    /// The rates of the step, with what was kept at its start; nothing in a scene without.
+    pub rates: Option<Rates>,
     /// What it is.
     pub kind: Passed,
 }
@@ -66,6 +69,7 @@ impl Trajectory {
             _ => Vec::new(),
         };
         let states = scene.system.fields.iter().enumerate().map(of).collect();
-        self.steps.push(PassedStep { time: at.time, increment: at.increment, u: u.to_vec(), states, kind });
+        let (u, rates) = (u.to_vec(), scene.system.rates().map(Rates::as_begun));
+        self.steps.push(PassedStep { time: at.time, increment: at.increment, u, states, rates, kind });
     }
 }

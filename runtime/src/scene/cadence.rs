@@ -114,6 +114,7 @@ mod tests {
             values: values.to_vec(),
             equal: None,
             auto: None,
+            orders: Vec::new(),
             go_on: false,
             halve: 0,
             from_start: true,

@@ -102,9 +102,21 @@ impl Scene {
                 self.steps.values = values.to_vec();
                 self.steps.equal = Equal::of(values);
                 self.steps.auto = None;
+                self.steps.orders.clear();
                 Ok(())
             }
         }
+    }
+
+    /// Goes through the steps that another run has chosen, with its orders of backward differentiation, which are given by
+    /// value of the step variable.
+    ///
+    /// # Errors
+    /// As [`Self::set_steps`].
+    pub fn follow_steps(&mut self, values: &[f64], orders: Vec<(f64, usize)>) -> Result<(), GiveError> {
+        self.set_steps(values)?;
+        self.steps.orders = orders;
+        Ok(())
     }
 }
 

@@ -125,7 +125,13 @@ impl Prescribed {
         on_faces.map(|fix| (fix.position, fix.facets.as_slice(), &fix.value))
     }
 
-    fn write(&self, values: &[Vec<f64>], u: &mut [f64]) {
+    /// Zeros in place of the numbers of every `fix`: `[position * components + component]`.
+    pub(crate) fn zeros(&self) -> Vec<Vec<f64>> {
+        self.fixes.iter().map(|fix| vec![0.0; fix.positions.len() * fix.value.n_components()]).collect()
+    }
+
+    /// Writes the numbers of every `fix` into the vector of all unknowns.
+    pub(crate) fn write(&self, values: &[Vec<f64>], u: &mut [f64]) {
         let number = |n: &Number| n.factor * values[n.fix][n.place];
         for (dof, n) in &self.plain {
             u[*dof] = number(n);
@@ -152,8 +158,7 @@ impl Prescribed {
     /// What the numbers of every `fix` make of a linear functional of the prescribed dofs, which are in local frames: the
     /// transpose of [`Self::apply`].
     pub(crate) fn transposed(&self, functional: &[f64]) -> Vec<Vec<f64>> {
-        let zeros = |fix: &Fix| vec![0.0; fix.positions.len() * fix.value.n_components()];
-        let mut out: Vec<Vec<f64>> = self.fixes.iter().map(zeros).collect();
+        let mut out = self.zeros();
         // of several numbers for a dof the last one counts
         for (dof, n) in self.plain.iter().map(|(dof, n)| (*dof, *n)).collect::<BTreeMap<usize, Number>>() {
             out[n.fix][n.place] += n.factor * functional[dof];

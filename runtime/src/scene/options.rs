@@ -24,6 +24,8 @@ pub struct Steps {
     pub equal: Option<Equal>,
     /// How the run chooses its steps, if it does.
     pub auto: Option<Auto>,
+    /// The largest order of backward differentiation by value, of steps that another run has chosen; empty for others.
+    pub orders: Vec<(f64, usize)>,
     /// Go on after a step that did not converge.
     pub go_on: bool,
     /// How often the increment of a step that does not converge may be halved.
@@ -74,6 +76,26 @@ pub struct Auto {
 }
 
 impl Steps {
+    /// A single solve.
+    fn one() -> Self {
+        Self {
+            variable: None,
+            values: vec![0.0],
+            equal: None,
+            auto: None,
+            orders: Vec::new(),
+            go_on: false,
+            halve: DEFAULT_HALVE,
+            from_start: false,
+        }
+    }
+
+    /// True of steps that the text lists: neither this run nor another one has chosen them.
+    #[must_use]
+    pub fn are_listed(&self) -> bool {
+        self.auto.is_none() && self.orders.is_empty()
+    }
+
     /// The first value.
     #[must_use]
     pub fn first(&self) -> f64 {
@@ -172,17 +194,7 @@ impl Builder<'_> {
     /// The values of the step variable; `rates` if something reads them.
     pub(super) fn steps(&mut self, rates: bool) -> Option<Steps> {
         let Some(steps) = &self.script.steps else {
-            let values = vec![0.0];
-            let halve = DEFAULT_HALVE;
-            return Some(Steps {
-                variable: None,
-                values,
-                equal: None,
-                auto: None,
-                go_on: false,
-                halve,
-                from_start: false,
-            });
+            return Some(Steps::one());
         };
         if steps.is_auto() {
             return self.auto_steps(steps, rates);
@@ -224,7 +236,7 @@ impl Builder<'_> {
         let equal = Equal { by: told_increment(from, to, by, (count, left)), last: left };
         let values = self.listed(steps, [from, to, equal.by], (count, left), most)?;
         let variable = Some(steps.variable.name.clone());
-        Some(Steps { variable, values, equal: Some(equal), auto: None, go_on, halve, from_start: rates })
+        Some(Steps { variable, values, equal: Some(equal), go_on, halve, from_start: rates, ..Steps::one() })
     }
 
     /// The values of so many whole steps, and of a shorter one behind them.
@@ -346,6 +358,7 @@ impl Builder<'_> {
             values: vec![from, to],
             equal: None,
             auto: Some(auto),
+            orders: Vec::new(),
             go_on: false,
             halve: 0,
             from_start: rates,

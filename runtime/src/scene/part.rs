@@ -64,7 +64,7 @@ impl Scene {
         let system = &self.system;
         let of_bodies = |term: &AssembledTerm| term.on_cells() && self.acts_on_all(term);
         let rates = system.rates();
-        let begins = |rates: &Rates| rates.are_read_at_start(self.steps.auto.is_none());
+        let begins = |rates: &Rates| rates.are_read_at_start(self.steps.are_listed());
         let of_file = |(_, given): &(usize, Given)| !matches!(given, Given::Formula(..));
         let reasons = [
             (!self.env.mappings.is_empty(), "a mapping leads to any place of it"),

@@ -181,7 +181,9 @@ pub struct Comparison {
 /// In words with their places where there are some.
 pub fn verify(of: Verified<'_>) -> Result<Comparison, String> {
     let (loaded, scene, outcome) = solved(of, None)?;
-    let times: Vec<f64> = outcome.steps.iter().map(|s| s.time).collect();
+    let passed = outcome.trajectory.iter().flat_map(|t| &t.steps);
+    let orders = passed.filter_map(|s| Some((s.time, s.rates.as_ref()?.taken_order()))).collect();
+    let chosen = Chosen { times: outcome.steps.iter().map(|s| s.time).collect(), orders };
     let differentiated = Differentiated {
         scene: &scene,
         script: &loaded.script,
@@ -200,7 +202,7 @@ pub fn verify(of: Verified<'_>) -> Result<Comparison, String> {
         let mut runs = Vec::new();
         for change in CHANGES.map(|part| part * scale) {
             let at = |value: f64| -> Result<Vec<f64>, String> {
-                let (_, _, outcome) = solved(of, Some((parameter, value, &times)))?;
+                let (_, _, outcome) = solved(of, Some((parameter, value, &chosen)))?;
                 of.request.results.iter().map(|r| result(&outcome, r)).collect()
             };
             let (more, less) = (value + change, value - change);
@@ -275,8 +277,15 @@ fn result(outcome: &Outcome, wanted: &WantedResult) -> Result<f64, String> {
     values.map(|v| v.iter().sum()).ok_or_else(|| format!("no measure `{}`\n", wanted.measure))
 }
 
+/// The steps that a run has chosen.
+struct Chosen {
+    times: Vec<f64>,
+    /// By value of the step variable the order of backward differentiation.
+    orders: Vec<(f64, usize)>,
+}
+
 /// Reads, prepares and runs the scene, with another value of one parameter through the steps of the first run.
-fn solved(of: Verified<'_>, other: Option<(&str, f64, &[f64])>) -> Result<(Loaded, Scene, Outcome), String> {
+fn solved(of: Verified<'_>, other: Option<(&str, f64, &Chosen)>) -> Result<(Loaded, Scene, Outcome), String> {
     let mut words: Vec<String> = of.overrides.to_vec();
     if let Some((name, value, _)) = other {
         words.retain(|word| word.split_once('=').is_none_or(|(n, _)| n.trim() != name));
@@ -288,8 +297,8 @@ fn solved(of: Verified<'_>, other: Option<(&str, f64, &[f64])>) -> Result<(Loade
         let errors = loaded.messages.iter().filter(|d| d.is_error());
         return Err(errors.map(|d| wfl::render(d, &loaded.sources, false)).collect::<Vec<_>>().join("\n"));
     };
-    if let Some((_, _, times)) = other.filter(|_| scene.steps.auto.is_some()) {
-        scene.set_steps(times).map_err(|e| format!("{e}\n"))?;
+    if let Some((_, _, chosen)) = other.filter(|_| scene.steps.auto.is_some()) {
+        scene.follow_steps(&chosen.times, chosen.orders.clone()).map_err(|e| format!("{e}\n"))?;
     }
     scene.newton.tolerance = scene.newton.tolerance.min(TOLERANCE);
     let keep_trajectory = other.is_none();

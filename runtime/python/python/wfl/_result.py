@@ -38,6 +38,25 @@ def _shaped(field: Field, block: Array) -> Array:
     return turned.transpose(0, *range(turned.ndim - 1, 0, -1))
 
 
+def _flat(numbers: Any, field: Field | None = None) -> list[float]:
+    """Numbers of a tensor, first index fastest; those of a field node by node."""
+    import numpy as np
+
+    block = np.asarray(numbers, dtype=float)
+    if field is None:
+        return block.ravel(order="F").tolist()
+    if block.size == field.n_nodes * math.prod(field.shape):
+        block = block.reshape(field.n_nodes, *field.shape)
+        block = block.transpose(0, *range(block.ndim - 1, 0, -1))
+    return block.ravel().tolist()
+
+
+def _warn(told: dict[str, Any]) -> None:
+    """What there is to tell of derivatives."""
+    for text in told["warnings"]:
+        warnings.warn(f"W660: {text}", WflWarning, stacklevel=4)
+
+
 def _same(a: Array, b: Array) -> bool:
     """True if two arrays differ by the rounding of a mean at most."""
     import numpy as np
@@ -292,9 +311,40 @@ class Result(Mapping[str, Any]):
 
     def value_and_gradient(self, result: str, parameters: Sequence[str]) -> tuple[float, dict[str, float | Array]]:
         """The value of a result, and its derivatives as :meth:`gradient` has them."""
-        told = self._outcome.gradient(self._native, result, ", ".join(parameters))
-        for text in told["warnings"]:
-            warnings.warn(f"W660: {text}", WflWarning, stacklevel=3)
+        return self._followed(self._outcome.gradient(self._native, result, ", ".join(parameters)))
+
+    def jacobian(self, measures: Sequence[str], parameters: Sequence[str]) -> Array:
+        """The derivatives of measures at all steps, shape ``(steps, measures, entries)``: entries are those of the
+        parameters in their order, first index fastest, and behind all parameters those of each ``"field k"``,
+        ``[node, component]``. It takes a linear solution a step and entry, or, where there are more entries, a solution a
+        step, measure and step before it. The run needs ``gradients=True``.
+        """
+        told = self._outcome.jacobian(self._native, ", ".join(measures), ", ".join(parameters))
+        _warn(told)
+        return told["values"]
+
+    def jvp(self, measures: Sequence[str], direction: Mapping[str, Any]) -> Array:
+        """What measures do along a direction, shape ``(steps, measures)``: the Jacobian times ``direction``, which has by
+        parameter a number or several, and by ``"field k"`` an array over the nodes. One linear solution a step.
+        """
+        lists: tuple[list[Any], list[Any]] = ([], [])
+        for name, numbers in direction.items():
+            plain = name.removeprefix("field ")
+            field = self._fields.get(plain) if plain != name else None
+            lists[plain != name].append((plain, _flat(numbers, field)))
+        told = self._outcome.jvp(self._native, list(measures), *lists)
+        _warn(told)
+        return told["values"]
+
+    def vjp(self, weights: Mapping[str, Any], parameters: Sequence[str]) -> dict[str, float | Array]:
+        """What a sum of measures follows: ``weights`` has by measure a number for each step, times which the measure at
+        that step is added. The transposed Jacobian times ``weights``, as :meth:`gradient` has it. One solution a step.
+        """
+        lists = [(name, _flat(numbers)) for name, numbers in weights.items()]
+        return self._followed(self._outcome.vjp(self._native, lists, ", ".join(parameters)))[1]
+
+    def _followed(self, told: dict[str, Any]) -> tuple[float, dict[str, float | Array]]:
+        _warn(told)
         made: dict[str, float | Array] = {}
         for name, entries in told["parameters"].items():
             made[name] = float(entries[0]) if len(entries) == 1 else entries

@@ -1,4 +1,4 @@
-//! Solutions with the transposed tangent at the end of a step, as the terms are written: no law of it is scaled or
+//! Solutions with the tangent at the end of a step, transposed or not, as the terms are written: no law of it is scaled or
 //! regularised, and no older factor stands in.
 
 use std::sync::Arc;
@@ -12,17 +12,32 @@ use crate::{
     system::{Branches, System},
 };
 
-/// Solutions with the transposed tangent of a step. The factor stays while the matrix does.
-#[derive(Default)]
-pub(super) struct Transposed {
+/// How a tangent is solved with.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum As {
+    /// As it is: what the unknowns do when something moves.
+    Written,
+    /// Transposed: what a result follows.
+    Transposed,
+}
+
+/// Solutions with the tangent of a step. The factor stays while the matrix does.
+pub(super) struct Tangent {
+    form: As,
     solver: Option<(Box<dyn LinearSolver>, Csr)>,
+    /// The last solution, by free number.
+    own: Vec<f64>,
     /// The step is another one than that of the factor.
     pub(super) is_new: bool,
     pub(super) solutions: usize,
     pub(super) factorisations: usize,
 }
 
-impl Transposed {
+impl Tangent {
+    pub(super) fn new(form: As) -> Self {
+        Self { form, solver: None, own: Vec::new(), is_new: false, solutions: 0, factorisations: 0 }
+    }
+
     /// By dof in the axes of the scene, zero where values are prescribed: the solution at the state `u` of a right-hand side
     /// by dof.
     pub(super) fn solve(
@@ -42,14 +57,30 @@ impl Transposed {
         numbering.gather(&turned, &mut own);
         let mut x = vec![0.0; own.len()];
         if own.iter().any(|b| *b != 0.0) {
-            let (solver, _) = self.solver.as_mut().expect("factored above");
-            solver.solve(&own, &mut x).map_err(|e| singular(&e.to_string()))?;
+            let (solver, matrix) = self.solver.as_mut().expect("factored above");
+            refined((solver.as_mut(), matrix), &own, &mut x).map_err(|e| singular(&e.to_string()))?;
             self.solutions += 1;
         }
         let zero = vec![0.0; u.len()];
         let mut out = zero.clone();
         numbering.advance(&zero, &x, 1.0, &mut out);
+        self.own = x;
         Ok(out)
+    }
+
+    /// How far what the laws make of the last solution, by free number, is from what the tangent makes of it, over the sizes
+    /// of the summands.
+    pub(super) fn apart(&self, of_laws: &[f64]) -> f64 {
+        let Some((_, matrix)) = &self.solver else { return 0.0 };
+        let (mut most, mut apart) = (0.0f64, 0.0f64);
+        for (row, law) in of_laws.iter().enumerate() {
+            let (columns, values) = matrix.row(row);
+            let summands = || columns.iter().zip(values).map(|(k, a)| a * self.own[*k as usize]);
+            most = most.max(summands().map(f64::abs).sum());
+            apart = apart.max((summands().sum::<f64>() - law).abs());
+        }
+        // not a number is apart
+        if apart == 0.0 { 0.0 } else { apart / most }
     }
 
     fn factor(&mut self, system: &System, u: &[f64], threads: usize) -> Result<(), Box<Diagnostic>> {
@@ -57,7 +88,7 @@ impl Transposed {
         system.tangent(u, Branches::AsWritten, &mut tangent).map_err(|e| not_made(&e.to_string()))?;
         let matrix = system.bulk().plus(&tangent.changing).map_err(|e| not_made(&e.to_string()))?;
         let is_symmetric = system.is_symmetric();
-        let matrix = if is_symmetric { matrix } else { matrix.transpose() };
+        let matrix = if is_symmetric || self.form == As::Written { matrix } else { matrix.transpose() };
         if let Some((_, known)) = &self.solver
             && known.values() == matrix.values()
         {
@@ -91,6 +122,51 @@ impl Transposed {
         self.solver = Some((Box::new(solver), matrix));
         Ok(())
     }
+}
+
+/// Steps of iterative refinement at most.
+const REFINEMENTS: usize = 5;
+
+/// A solution with iterative refinement by the backward error of each row on its own: rows of fluids and of solids differ by
+/// many orders, and derivatives are sums over all of them.
+fn refined(with: (&mut dyn LinearSolver, &Csr), rhs: &[f64], x: &mut [f64]) -> Result<(), crate::solve::SolveError> {
+    let (solver, matrix) = with;
+    solver.solve(rhs, x)?;
+    let mut left = vec![0.0; rhs.len()];
+    let mut error = row_error(matrix, rhs, x, &mut left);
+    for _ in 0..REFINEMENTS {
+        let (mut better, mut remains) = (vec![0.0; x.len()], vec![0.0; rhs.len()]);
+        if error <= f64::EPSILON || solver.solve(&left, &mut better).is_err() {
+            break;
+        }
+        better.iter_mut().zip(x.iter()).for_each(|(d, x)| *d += x);
+        let next = row_error(matrix, rhs, &better, &mut remains);
+        if next >= error {
+            break;
+        }
+        x.copy_from_slice(&better);
+        (error, left) = (next, remains);
+    }
+    Ok(())
+}
+
+/// The largest part of a row, in the sizes of its summands, that a solution leaves; `left` is what it leaves.
+fn row_error(matrix: &Csr, rhs: &[f64], x: &[f64], left: &mut [f64]) -> f64 {
+    let mut largest = 0.0f64;
+    for (row, (left, b)) in left.iter_mut().zip(rhs).enumerate() {
+        let (columns, values) = matrix.row(row);
+        let (mut sum, mut size) = (*b, b.abs());
+        for (k, a) in columns.iter().zip(values) {
+            let summand = a * x[*k as usize];
+            sum -= summand;
+            size += summand.abs();
+        }
+        *left = sum;
+        if size > 0.0 {
+            largest = largest.max(sum.abs() / size);
+        }
+    }
+    largest
 }
 
 /// The tangent at a solution cannot be solved with.

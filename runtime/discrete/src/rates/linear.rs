@@ -1,0 +1,161 @@
+//! Rates along a direction, and what a result follows of rates: what is kept is linear in what fields were.
+//!
+//! With the rows of the scheme a step reads `history = rows.kept`, and leaves `kept' = change (x - x_n) + rows.kept`. Along a
+//! direction the same rows act on what the fields move by; a result goes back through their transposes. Both take the
+//! lengths of the steps as they are.
+
+use super::{FieldRates, Rates, Row, Rows, order_index, scheme::KEPT};
+use wfl_compiler::types::RateOrder;
+
+/// What is kept between two steps: by field with rates, by slot, by dof.
+pub type Kept = Vec<[Vec<f64>; KEPT]>;
+
+impl Rates {
+    /// The step that was begun, with what was kept before it.
+    #[must_use]
+    pub fn as_begun(&self) -> Self {
+        self.clone()
+    }
+
+    /// Nothing is kept.
+    #[must_use]
+    pub fn nothing(&self) -> Kept {
+        let zeros = |of: &FieldRates| std::array::from_fn(|slot| vec![0.0; of.kept[slot].len()]);
+        self.fields.iter().map(zeros).collect()
+    }
+
+    /// The same step where something else was kept: along a direction.
+    #[must_use]
+    pub fn along(&self, kept: &Kept) -> Self {
+        let mut made = self.clone();
+        for (of, kept) in made.fields.iter_mut().zip(kept) {
+            of.kept.clone_from(kept);
+            of.lost = [Vec::new(), Vec::new()];
+        }
+        match self.open {
+            Some(increment) => made.begin(increment),
+            None => made.hold(),
+        }
+        made
+    }
+
+    /// These rates, with the histories of others behind those of `n` fields.
+    #[must_use]
+    pub fn with_behind(&self, others: &Self, n: usize) -> Self {
+        let mut made = self.clone();
+        for (own, behind) in made.histories.iter_mut().zip(&others.histories) {
+            own.resize(n, Vec::new());
+            own.extend_from_slice(behind);
+        }
+        made
+    }
+
+    /// What is kept at the end `u` of the step that was begun at `before`; between two steps what is kept.
+    #[must_use]
+    pub fn kept_at(&self, u: &[f64], before: &[f64]) -> Kept {
+        self.at_end(u, before).unwrap_or_else(|| self.fields.iter().map(|of| of.kept.clone()).collect())
+    }
+
+    /// Adds to what a result follows of what was kept what it follows of the histories of the step, which `of` has by order
+    /// and field.
+    pub fn follow_histories<'h>(&self, of: impl Fn(RateOrder, usize) -> &'h [f64], factor: f64, kept: &mut Kept) {
+        for (own, kept) in self.fields.iter().zip(kept) {
+            for order in [RateOrder::First, RateOrder::Second] {
+                let (slot, followed) = (order_index(order), of(order, own.field));
+                if own.kept[slot].is_empty() {
+                    continue;
+                }
+                let row = self.lengths().map(|lengths| {
+                    let Rows(rows) = self.scheme.in_equations(own.form, lengths);
+                    rows[slot]
+                });
+                // between two steps the rates are those that are kept
+                let row = row.unwrap_or_else(|| Row {
+                    change: 0.0,
+                    kept: std::array::from_fn(|k| f64::from(u8::from(k == slot))),
+                });
+                spread(&row, followed, factor, kept);
+            }
+        }
+    }
+
+    /// Takes what a result follows of what is kept at the end of the step to the unknowns at its end and at its start, by dof,
+    /// and to what was kept at its start.
+    pub fn follow_end(&self, end: &Kept, ends: [&mut [f64]; 2], kept: &mut Kept) {
+        let [u, before] = ends;
+        let lengths = self.lengths();
+        for ((own, end), kept) in self.fields.iter().zip(end).zip(kept) {
+            for (slot, followed) in end.iter().enumerate().filter(|(_, followed)| !followed.is_empty()) {
+                let Some(lengths) = lengths else {
+                    kept[slot].iter_mut().zip(followed).for_each(|(k, f)| *k += f);
+                    continue;
+                };
+                let row = self.scheme.at_end(own.form, lengths)[slot];
+                for (d, f) in own.dofs.clone().zip(followed) {
+                    u[d] += row.change * f;
+                    before[d] -= row.change * f;
+                }
+                spread(&row, followed, 1.0, kept);
+            }
+        }
+    }
+}
+
+/// The transpose of what a row makes of what is kept.
+fn spread(row: &Row, followed: &[f64], factor: f64, kept: &mut [Vec<f64>; KEPT]) {
+    for (share, kept) in row.kept.iter().zip(kept).filter(|(share, kept)| **share != 0.0 && !kept.is_empty()) {
+        kept.iter_mut().zip(followed).for_each(|(k, f)| *k += factor * share * f);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Scheme, tests::rates};
+    use super::*;
+
+    /// A step is linear in the values and in what is kept; its transpose has the same products.
+    #[test]
+    fn a_step_and_its_transpose() {
+        for scheme in [Scheme::Bdf { most: 2 }, Scheme::Bdf { most: 3 }, Scheme::Newmark { beta: 0.3, gamma: 0.6 }] {
+            let mut step = rates(scheme);
+            for h in [0.2, 0.3, 0.25] {
+                step.begin(h);
+                step.keep(&[h, 1.0, -h, 0.5, 2.0 * h], &[0.1; 5]);
+            }
+            step.begin(0.4);
+            let mut number = 0.3;
+            let mut next = || {
+                number = (number * 7.13 + 0.37) % 1.0;
+                number - 0.5
+            };
+            let mut any = step.nothing();
+            any.iter_mut().flatten().flatten().for_each(|x| *x = next());
+            let (u, before): (Vec<f64>, Vec<f64>) = (0..5).map(|_| (next(), next())).unzip();
+            let mut back = step.nothing();
+            back.iter_mut().flatten().flatten().for_each(|x| *x = next());
+            let moved = step.along(&any);
+            let end = moved.kept_at(&u, &before);
+            let product = |a: &Kept, b: &Kept| -> f64 {
+                a.iter().flatten().flatten().zip(b.iter().flatten().flatten()).map(|(x, y)| x * y).sum()
+            };
+            let (mut at_end, mut at_start, mut kept) = (vec![0.0; 5], vec![0.0; 5], step.nothing());
+            step.follow_end(&back, [&mut at_end, &mut at_start], &mut kept);
+            let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(x, y)| x * y).sum() };
+            let transposed = dot(&at_end, &u) + dot(&at_start, &before) + product(&kept, &any);
+            assert!((product(&back, &end) - transposed).abs() < 1e-12, "{scheme:?}");
+            // what is read in the step
+            let weights = [next(), next(), next(), next()];
+            let of = |order: RateOrder, field: usize| {
+                &weights[order_index(order) * 2..][..moved.history(order, field).len()]
+            };
+            let mut read = step.nothing();
+            step.follow_histories(of, 1.0, &mut read);
+            let histories: f64 = [1, 2]
+                .into_iter()
+                .flat_map(|field| [(RateOrder::First, field), (RateOrder::Second, field)])
+                .map(|(order, field)| dot(moved.history(order, field), of(order, field)))
+                .sum();
+            assert!((product(&read, &any) - histories).abs() < 1e-12, "{scheme:?}");
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! Laws of derivatives along a direction, on the points of the laws that they are derivatives of: terms, updates of states,
+//! measures.
+
+use std::sync::Arc;
+
+use wfl::{Checked, Diagnostic, ResolvedScript, ast::Expr};
+use wfl_compiler::{ValueLaw, backend::KernelBackend, compile_term_along, compile_value_along};
+
+use super::{
+    extended::Extended,
+    laws::{Of, Placed, acts, callable, update_of},
+    measures::{Summed, Weighed},
+    refused::{first, no_derivative, not_made},
+};
+use crate::{
+    assemble::{AssembledTerm, Domain, FieldValues},
+    rates::StepAt,
+    value::{Sampled, Value},
+};
+
+/// A value at its points; nothing where no direction moves it.
+type Moved = Option<(Value, Sampled)>;
+
+/// The laws of a scene along directions.
+pub(super) struct Along {
+    terms: Vec<(Of, AssembledTerm)>,
+    /// By state of the scene.
+    states: Vec<Moved>,
+    /// By measure that is wanted its parts.
+    measures: Vec<Vec<Moved>>,
+}
+
+impl Along {
+    pub(super) fn new(
+        extended: &Extended<'_>,
+        script: &ResolvedScript,
+        results: &[Weighed],
+        backend: &dyn KernelBackend,
+    ) -> Result<Self, Box<Diagnostic>> {
+        let scene = extended.scene;
+        let mut placed: Vec<Placed> = Vec::new();
+        for (summary, term) in scene.terms.iter().zip(&scene.system.terms) {
+            let domain = &term.integrator.domain;
+            let place = extended.place(domain, term.law.listing.graph.mapping.is_some());
+            let Some(source) = scene.source_of(script, summary.origin) else {
+                return Err(not_made(&format!("the text of `{}` is not at hand", summary.name)));
+            };
+            let made = compile_term_along(&extended.env(), &place, &summary.name, source, extended.companions());
+            placed.extend(acts(made, &summary.name, domain, Of::Term)?);
+        }
+        let mut states = Vec::new();
+        for state in &scene.states {
+            let name = &scene.system.fields[state.field].name;
+            let (Some(update), Some((value, sampled))) = (update_of(script, name), state.at_points()) else {
+                return Err(not_made(&format!("the update of `{name}` is not at hand")));
+            };
+            states.push(moved(extended, (name, update), value, &sampled.domain, backend)?);
+        }
+        let mut measures = Vec::new();
+        for result in results {
+            let measure = &scene.measures[result.measure];
+            let declared = script.measures.iter().find(|m| m.name.name == measure.name);
+            let (Summed::Points(_), Some((_, parts)), Some(declared)) = (&result.summed, measure.at_points(), declared)
+            else {
+                measures.push(Vec::new());
+                continue;
+            };
+            let of = |(value, sampled): &(Value, Sampled)| {
+                moved(extended, (&measure.name, &declared.expr), value, &sampled.domain, backend)
+            };
+            measures.push(parts.iter().map(of).collect::<Result<_, _>>()?);
+        }
+        Ok(Self { terms: callable(extended, placed, backend)?, states, measures })
+    }
+
+    /// Brings laws to a step.
+    pub(super) fn set_step(&mut self, at: StepAt) {
+        self.terms.iter_mut().for_each(|(_, term)| term.set_step(at));
+        let values = self.states.iter_mut().chain(self.measures.iter_mut().flatten()).flatten();
+        values.for_each(|(value, _)| *value = value.at_step(at));
+    }
+
+    /// Adds what the equations change by to `out`.
+    pub(super) fn residual(
+        &self,
+        extended: &Extended<'_>,
+        values: FieldValues<'_>,
+        out: &mut [f64],
+    ) -> Result<(), Box<Diagnostic>> {
+        let mesh = &extended.scene.system.mesh;
+        for (_, term) in &self.terms {
+            term.add_residual(mesh, values, out).map_err(|e| not_made(&format!("along a direction: {e}")))?;
+        }
+        Ok(())
+    }
+
+    /// What a state changes by, in the order of its nodes; nothing where it does not.
+    pub(super) fn state(&self, extended: &Extended<'_>, state: usize, values: FieldValues<'_>) -> Option<Vec<f64>> {
+        let (value, sampled) = self.states[state].as_ref()?;
+        let mut next = Vec::new();
+        let mesh = &extended.scene.system.mesh;
+        value.for_each_point(mesh, sampled, values, |_, _, _, _, v| next.extend_from_slice(v));
+        Some(next)
+    }
+
+    /// What a measure changes by, whose values at points count by these numbers.
+    pub(super) fn measure(
+        &self,
+        extended: &Extended<'_>,
+        result: (usize, &[Vec<f64>]),
+        values: FieldValues<'_>,
+    ) -> f64 {
+        let (number, points) = result;
+        let mesh = &extended.scene.system.mesh;
+        let mut sum = 0.0;
+        for (part, factors) in self.measures[number].iter().zip(points) {
+            let (Some((value, sampled)), mut factors) = (part, factors.iter()) else { continue };
+            value.for_each_point(mesh, sampled, values, |_, _, _, weight, v| {
+                // a point that does not count may have no derivative
+                let factor = factors.next().copied().unwrap_or(0.0);
+                sum += if factor == 0.0 { 0.0 } else { weight * factor * v[0] };
+            });
+        }
+        sum
+    }
+}
+
+/// The derivative of an expression along a direction, at its points.
+fn moved(
+    extended: &Extended<'_>,
+    text: (&str, &Expr),
+    value: &Value,
+    domain: &Arc<Domain>,
+    backend: &dyn KernelBackend,
+) -> Result<Moved, Box<Diagnostic>> {
+    let (name, expr) = text;
+    let place = extended.place(domain, value.law.mapping.is_some());
+    let made: Checked<Option<ValueLaw>> =
+        compile_value_along(&extended.env(), &place, name, expr, extended.companions());
+    let Some(law) = made.value else { return Err(no_derivative(name, first(made.diagnostics))) };
+    let Some(law) = law else { return Ok(None) };
+    let value = Value::new(law, backend).map_err(|e| not_made(&e.to_string()))?;
+    let mesh = &extended.scene.system.mesh;
+    let sampled = value.bind(mesh, Arc::clone(domain), &extended.fields).map_err(|e| not_made(&e.to_string()))?;
+    Ok(Some((value, sampled)))
+}

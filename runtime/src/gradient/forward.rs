@@ -1,0 +1,385 @@
+//! From the first step to the last one: a solution with the tangent for each step and direction of the parameters.
+
+use wfl::Diagnostic;
+
+use super::{
+    Differentiated, Request, WantedResult, When,
+    along::Along,
+    extended::{Extended, Live},
+    formulas::Formulas,
+    linear::{As, Tangent},
+    measures::{Summed, Weighed, weighed},
+    near::{Kinks, NearKink, join},
+    parameters::from_declared,
+    refused::{self, not_made, other_size},
+    standing::{self, AGREEMENT, Ends, Standing},
+};
+use crate::{
+    Passed, PassedStep,
+    assemble::FieldValues,
+    rates::{Kept, Rates},
+    scene::node_positions,
+};
+
+/// What parameters and data fields move by.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Direction {
+    /// By parameter its entries, first index fastest.
+    pub parameters: Vec<(String, Vec<f64>)>,
+    /// By data field its values: `[node * components + component]`.
+    pub fields: Vec<(String, Vec<f64>)>,
+}
+
+/// By direction, measure and step the derivative of that measure at that step.
+pub type Moved = Vec<Vec<Vec<f64>>>;
+
+/// What measures do along directions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tangents {
+    /// The step variable at the end of each step.
+    pub times: Vec<f64>,
+    /// Their derivatives.
+    pub moved: Moved,
+    /// Points between two branches, where the derivative is that of one side.
+    pub near: Vec<NearKink>,
+    /// What else there is to know of them, in words.
+    pub notes: Vec<String>,
+    /// Solutions with a tangent.
+    pub solutions: usize,
+    /// Factorisations of one.
+    pub factorisations: usize,
+    /// Seconds that they took.
+    pub seconds: f64,
+}
+
+/// Measures at all steps, in what the directions move.
+pub(super) fn request(measures: &[String], directions: &[Direction]) -> Request {
+    let result = |name: &String| WantedResult { name: name.clone(), measure: name.clone(), when: When::Sum };
+    let mut made = Request { results: measures.iter().map(result).collect(), ..Request::default() };
+    for direction in directions {
+        for (list, names) in [(&mut made.parameters, &direction.parameters), (&mut made.fields, &direction.fields)] {
+            names.iter().for_each(|(name, _)| {
+                if !list.contains(name) {
+                    list.push(name.clone());
+                }
+            });
+        }
+    }
+    made
+}
+
+/// What fields move by.
+#[derive(Clone, Default)]
+struct Motion {
+    /// By dof, in the axes of the scene.
+    u: Vec<f64>,
+    /// By field that is not solved for.
+    known: Vec<Vec<f64>>,
+    /// Of rates.
+    kept: Kept,
+}
+
+/// A direction on its way through the steps.
+#[derive(Clone, Default)]
+struct Moving {
+    /// By entry of the parameters that change.
+    live: Vec<f64>,
+    /// By data field that moves on its own what it moves by.
+    fields: Vec<(usize, Vec<f64>)>,
+    /// At the end of the step before, and of this one.
+    before: Motion,
+    end: Motion,
+    /// What the equations of this step are off by, by dof in local frames: zero but where values are prescribed.
+    rows: Vec<f64>,
+    /// The rates of the step, and behind them those of what the fields move by; nothing in a scene without.
+    rates: Option<Rates>,
+}
+
+/// The run, forwards.
+struct Forwards<'a, 's> {
+    of: Differentiated<'a>,
+    extended: &'a Extended<'a>,
+    laws: Along,
+    formulas: Formulas,
+    standing: Standing<'a, 's>,
+    tangent: Tangent,
+    /// A direction in which nothing moves but the unknowns at the end of a step.
+    still: Moving,
+    /// The vector of the equations, behind which others have their place.
+    out: Vec<f64>,
+}
+
+/// What the measures of a request do along directions.
+pub(super) fn solve(
+    of: Differentiated<'_>,
+    request: &Request,
+    live: &[Live],
+    directions: &[Direction],
+) -> Result<Tangents, Box<Diagnostic>> {
+    let Differentiated { scene, script, outcome, backend, .. } = of;
+    refused::places(script, live)?;
+    let (trajectory, ends) = standing::of_run(outcome)?;
+    let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
+    let mut extended = Extended::new(scene, live.to_vec());
+    // the laws of adjoints are not needed, but what they refuse is
+    let (results, _) = weighed(&mut extended, script, request, &times)?;
+    let kinks = Kinks::new(&extended, script, results.iter().map(|r| r.measure), backend)?;
+    let mut equations = outcome.equations.clone();
+    let mut run = Forwards {
+        formulas: Formulas::new(&extended, script)?,
+        of,
+        extended: &extended,
+        laws: Along::new(&extended, script, &results, backend)?,
+        standing: Standing { trajectory, solving: scene.solving(&mut equations) },
+        tangent: Tangent::new(As::Written),
+        still: Moving::default(),
+        out: vec![0.0; extended.n_entries],
+    };
+    run.still = run.begin(&Direction::default())?;
+    let mut moving = directions.iter().map(|d| run.begin(d)).collect::<Result<Vec<_>, _>>()?;
+    let (moved, near) = run.all_steps(&mut moving, &results, &ends, &kinks)?;
+    let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
+    Ok(Tangents { times, moved, near, solutions, factorisations, ..Tangents::default() })
+}
+
+impl Forwards<'_, '_> {
+    /// A direction before the first step.
+    fn begin(&self, direction: &Direction) -> Result<Moving, Box<Diagnostic>> {
+        let (extended, system) = (self.extended, &self.standing.solving.system);
+        let mut live = vec![0.0; extended.n_live()];
+        for (name, entries) in &direction.parameters {
+            let Some(k) = extended.live.iter().position(|l| l.name == *name) else { continue };
+            let own = &mut live[extended.entries_of(k)];
+            other_size(name, entries.len(), own.len())?;
+            own.copy_from_slice(entries);
+        }
+        from_declared(self.of.script, extended, &mut live)?;
+        let mut fields = Vec::new();
+        for (name, values) in &direction.fields {
+            let Some(k) = system.fields.iter().position(|f| f.name == *name) else { continue };
+            other_size(name, values.len(), system.fields[k].n_dofs())?;
+            fields.push((k, values.clone()));
+        }
+        let known = system.data().iter().map(|v| vec![0.0; v.len()]).collect();
+        let kept = self.standing.rates().map_or_else(Kept::new, Rates::nothing);
+        let mut before = Motion { u: vec![0.0; system.numbering.n_dofs], known, kept };
+        for (field, formula) in &self.formulas.starts {
+            let positions = node_positions(system, *field);
+            let moved = formula.moved(extended, (&positions, (self.standing.solving.steps.first(), 0.0)), &live)?;
+            match system.range(*field) {
+                Some(range) if !moved.is_empty() => before.u[range].copy_from_slice(&moved),
+                None if !moved.is_empty() => before.known[*field] = moved,
+                _ => {}
+            }
+        }
+        if let Some(first) = self.standing.trajectory.steps.first() {
+            self.data((first.time, first.increment), (&live, &fields), &mut before.known)?;
+        }
+        let (end, rows) = (before.clone(), Vec::new());
+        Ok(Moving { live, fields, before, end, rows, rates: None })
+    }
+
+    /// By direction, measure and step what the measure does; and the points between two branches.
+    fn all_steps(
+        &mut self,
+        moving: &mut [Moving],
+        results: &[Weighed],
+        ends: &Ends,
+        kinks: &Kinks,
+    ) -> Result<(Moved, Vec<NearKink>), Box<Diagnostic>> {
+        let trajectory = self.standing.trajectory;
+        let last: Vec<Vec<f64>> = self.standing.solving.system.data().to_vec();
+        let mut moved = vec![vec![vec![0.0; ends.len()]; results.len()]; moving.len()];
+        let mut near = Vec::new();
+        for (n, step) in trajectory.steps.iter().enumerate() {
+            self.standing.at(n)?;
+            self.laws.set_step(self.standing.step_of(step));
+            self.tangent.is_new = true;
+            for one in moving.iter_mut() {
+                self.step(step, one)?;
+            }
+            let at = (step.time, step.increment);
+            if step.kind != Passed::Given {
+                near.push(kinks.near(&self.standing.solving, &step.u, at, None));
+            }
+            if let Some(end) = ends.get(&n) {
+                self.standing.put_states(trajectory.steps.get(n + 1).map_or(&last, |next| &next.states));
+                // the list is read backwards, as the adjoint finds it
+                for (k, weighed) in results.iter().enumerate().rev() {
+                    near.push(kinks.near(&self.standing.solving, &step.u, at, Some(weighed.measure)));
+                    let shared = self.measure((k, weighed), step, moving, |d, x| moved[d][k][*end] = x);
+                    near.push(shared.into_iter().collect());
+                }
+            }
+            moving.iter_mut().for_each(|one| std::mem::swap(&mut one.before, &mut one.end));
+        }
+        let mut joined = Vec::new();
+        near.into_iter().rev().for_each(|found| join(&mut joined, found));
+        Ok((moved, joined))
+    }
+
+    /// What a direction moves at the end of a step: data, prescribed values, unknowns, states.
+    fn step(&mut self, step: &PassedStep, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
+        let at = (step.time, step.increment);
+        one.end.known.clone_from(&one.before.known);
+        self.data(at, (&one.live, &one.fields), &mut one.end.known)?;
+        one.rows.clear();
+        let n = self.extended.n;
+        let of_rates = step.rates.as_ref().map(|rates| (rates, rates.along(&one.before.kept)));
+        one.rates = of_rates.as_ref().map(|(rates, along)| rates.with_behind(along, n));
+        self.still.rates = step.rates.as_ref().map(|rates| rates.with_behind(&rates.along(&self.still.end.kept), n));
+        if step.kind == Passed::Given {
+            one.end.u.clone_from(&one.before.u);
+            one.end.kept.clone_from(&one.before.kept);
+            return Ok(());
+        }
+        one.end.u.fill(0.0);
+        self.prescribed(at, &one.live, &mut one.end.u)?;
+        one.rows = self.residual(step, one)?;
+        let rhs: Vec<f64> = one.rows.iter().map(|x| -x).collect();
+        let found = self.tangent.solve(self.standing.solving.system, &step.u, &rhs, self.of.threads)?;
+        one.end.u.iter_mut().zip(&found).for_each(|(u, x)| *u += x);
+        self.still.end.u = found;
+        let mut of_unknowns = self.residual(step, &self.still.clone())?;
+        one.rows.iter_mut().zip(&of_unknowns).for_each(|(x, y)| *x += y);
+        let numbering = &self.standing.solving.system.numbering;
+        numbering.turn(&mut one.rows);
+        numbering.turn(&mut of_unknowns);
+        let mut own = Vec::new();
+        numbering.gather(&of_unknowns, &mut own);
+        let apart = self.tangent.apart(&own);
+        if apart.is_nan() || apart > AGREEMENT {
+            return Err(not_made(&format!(
+                "at t = {} the tangent and the derivatives of the laws differ by {apart:.1e}",
+                step.time
+            )));
+        }
+        let next: Vec<Option<Vec<f64>>> = {
+            let values = self.standing.solving.system.values(&step.u);
+            let (current, previous) = self.values(&values, one);
+            let values = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
+            let states = 0..self.standing.solving.scene.states.len();
+            states.map(|k| self.laws.state(self.extended, k, values)).collect()
+        };
+        for (state, next) in self.standing.solving.scene.states.iter().zip(next) {
+            match next {
+                Some(next) => one.end.known[state.field] = next,
+                None => one.end.known[state.field].fill(0.0),
+            }
+        }
+        if let Some((_, along)) = of_rates {
+            one.end.kept = along.kept_at(&one.end.u, &one.before.u);
+        }
+        Ok(())
+    }
+
+    /// Values of all fields and of what they move by, at the end of a step and before it.
+    fn values<'v>(&'v self, of: &crate::system::StateValues<'v>, one: &'v Moving) -> (Vec<&'v [f64]>, Vec<&'v [f64]>) {
+        let (extended, system) = (self.extended, &self.standing.solving.system);
+        let along = |motion: &'v Motion| -> Vec<&'v [f64]> {
+            let of = |k: usize| system.range(k).map_or(motion.known[k].as_slice(), |range| &motion.u[range]);
+            (0..extended.n).map(of).collect()
+        };
+        let current = extended.with_directions(&of.current, along(&one.end), &one.live);
+        // a scene that reads nothing of the past has none
+        let previous = match of.previous.as_slice() {
+            [] => Vec::new(),
+            past => extended.with_directions(past, along(&one.before), &one.live),
+        };
+        (current, previous)
+    }
+
+    /// What the equations change by, by dof.
+    fn residual(&mut self, step: &PassedStep, one: &Moving) -> Result<Vec<f64>, Box<Diagnostic>> {
+        let mut out = std::mem::take(&mut self.out);
+        out.fill(0.0);
+        let system = &self.standing.solving.system;
+        let values = system.values(&step.u);
+        let (current, previous) = self.values(&values, one);
+        let made = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
+        self.laws.residual(self.extended, made, &mut out)?;
+        let mut by_dof = vec![0.0; system.numbering.n_dofs];
+        for k in 0..self.extended.n {
+            if let Some(range) = system.range(k) {
+                by_dof[range].copy_from_slice(&out[self.extended.range(k)]);
+            }
+        }
+        drop(values);
+        self.out = out;
+        Ok(by_dof)
+    }
+
+    /// What the data at a step move by.
+    fn data(
+        &self,
+        step: (f64, f64),
+        by: (&[f64], &[(usize, Vec<f64>)]),
+        known: &mut [Vec<f64>],
+    ) -> Result<(), Box<Diagnostic>> {
+        let (live, fields) = by;
+        for (field, _) in &self.standing.solving.data {
+            let positions = || node_positions(self.standing.solving.system, *field);
+            let of_formula = match self.formulas.data.get(field) {
+                Some(formula) => formula.moved(self.extended, (&positions(), step), live)?,
+                None => Vec::new(),
+            };
+            let own = &mut known[*field];
+            own.fill(0.0);
+            let parts = fields.iter().filter(|f| f.0 == *field).map(|f| &f.1).chain([&of_formula]);
+            parts.for_each(|part| own.iter_mut().zip(part).for_each(|(x, y)| *x += y));
+        }
+        Ok(())
+    }
+
+    /// What prescribed values move by.
+    fn prescribed(&self, step: (f64, f64), live: &[f64], u: &mut [f64]) -> Result<(), Box<Diagnostic>> {
+        if self.formulas.fixes.iter().all(Option::is_none) {
+            return Ok(());
+        }
+        let prescribed = &self.standing.solving.prescribed;
+        let mut numbers = prescribed.zeros();
+        for ((statement, positions), numbers) in prescribed.places().zip(&mut numbers) {
+            let stated = self.of.script.fixes.iter().position(|fix| fix.span == statement);
+            if let Some(formula) = stated.and_then(|k| self.formulas.fixes[k].as_ref()) {
+                let moved = formula.moved(self.extended, (positions, step), live)?;
+                numbers.iter_mut().zip(&moved).for_each(|(x, y)| *x = *y);
+            }
+        }
+        prescribed.write(&numbers, u);
+        self.standing.solving.system.numbering.follow(u);
+        Ok(())
+    }
+
+    /// What a measure does along each direction, given to `put` with the number of the direction; and what there is to tell of
+    /// points that share the largest value.
+    fn measure(
+        &self,
+        result: (usize, &Weighed),
+        step: &PassedStep,
+        moving: &[Moving],
+        mut put: impl FnMut(usize, f64),
+    ) -> Option<NearKink> {
+        let (number, weighed) = result;
+        match &weighed.summed {
+            Summed::Rows(rows) => {
+                for (d, one) in moving.iter().enumerate() {
+                    // where time starts no equation was solved, and a reaction is zero
+                    let sum: f64 = rows.iter().map(|(dof, w)| w * one.rows.get(*dof).copied().unwrap_or(0.0)).sum();
+                    put(d, -sum);
+                }
+                None
+            }
+            Summed::Points(_) => {
+                let values = self.standing.solving.system.values(&step.u);
+                let at = (step.time, step.increment);
+                let (points, shared) = weighed.at_points(&self.standing.solving, values.view(), at);
+                for (d, one) in moving.iter().enumerate() {
+                    let (current, previous) = self.values(&values, one);
+                    let made = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
+                    put(d, self.laws.measure(self.extended, (number, &points), made));
+                }
+                shared
+            }
+        }
+    }
+}
