@@ -108,7 +108,6 @@ fn rates_of_several_steps_do_not_add_up_to_the_volume() {
     for (scheme, parts) in [("bdf2", [0.26, 0.075, 0.017]), ("bdf3", [0.16, 0.070, 0.016])] {
         for (step, part) in [1.0, 0.25, 0.0625].into_iter().zip(parts) {
             let found = more(scheme, by_hand, step);
-            println!("{scheme}, steps of {step}: {:.2} % too much", 100.0 * found);
             assert!((found / part - 1.0).abs() < 0.05, "{scheme} {step}: {found}, {part}");
         }
     }

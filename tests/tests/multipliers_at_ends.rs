@@ -192,7 +192,6 @@ fn one_pressure_a_face_passes_through_a_closed_crack() {
         for (n, square) in [12, 24].into_iter().zip(squares) {
             let found = solved(scene(element, multiplier, &format!("[{n},{n}] {cells}")));
             let (worst, is) = (found.measure(0, "worst"), found.measure(0, "square"));
-            println!("{element} {multiplier} {n}: {worst} {is:.4}");
             assert!(
                 (worst - 1.0).abs() < 1e-9 && (is - square).abs() < 1e-3,
                 "{element} {multiplier} {n}: {worst} {is}"
