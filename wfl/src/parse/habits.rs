@@ -88,7 +88,7 @@ impl Slip<'_> {
                 let d = Diagnostic::new(Code::E117, "`start` gives first values wherever the field lives");
                 let d = self.mark(d, found, "");
                 let d = d.help("leave `on ...` out; a choice: start u = (if x < 0.5 then a else b)");
-                Some(d.replace(self.from_before(self.masked.trim_end().len() - self.at), ""))
+                Some(d.replace(self.with_blanks_before(self.masked.trim_end().len() - self.at), ""))
             }
             _ if self.expects(Rule::k_Normal) => self.component_behind_point(found),
             _ => self.missing_word(found).or_else(|| self.unit_or_digits(found, behind_value)),
@@ -147,7 +147,7 @@ impl Slip<'_> {
         if is_function(&before[start..]) {
             let d = Diagnostic::new(Code::E113, format!("`{}` takes its arguments in parentheses", &before[start..]));
             let d = self.mark(d, found, "").help(format!("{}({found})", &before[start..]));
-            return Some(d.replace(self.from_before(found.len()), format!("({found})")));
+            return Some(d.replace(self.with_blanks_before(found.len()), format!("({found})")));
         }
         // a word that the statement needs and that does not follow either
         let needed = [(Rule::k_on, "on"), (Rule::k_to, "to"), (Rule::k_by, "by")];
@@ -163,7 +163,7 @@ impl Slip<'_> {
     /// E113 for two items of a list side by side.
     fn comma_before(&self, found: &str) -> Diagnostic {
         let d = Diagnostic::new(Code::E113, format!("a comma is missing before `{found}`"));
-        self.mark(d, found, "").replace(self.from_before(found.len()), format!(", {found}"))
+        self.mark(d, found, "").replace(self.with_blanks_before(found.len()), format!(", {found}"))
     }
 
     /// A region list may be followed by anything but a choice.
@@ -325,7 +325,7 @@ impl Slip<'_> {
             let unit = &self.masked[self.at..end];
             let d = Diagnostic::new(Code::E113, format!("a unit stands in brackets: [{unit}]"));
             let d = self.mark(d, found, "").help(format!("{left} [{unit}]"));
-            return Some(d.replace(self.from_before(unit.len()), format!(" [{unit}]")));
+            return Some(d.replace(self.with_blanks_before(unit.len()), format!(" [{unit}]")));
         }
         None
     }

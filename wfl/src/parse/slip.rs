@@ -117,7 +117,7 @@ impl Slip<'_> {
     }
 
     /// From the end of the text before the slip: blanks between are part of it, unless a line ends there.
-    pub(super) fn from_before(&self, length: usize) -> Span {
+    pub(super) fn with_blanks_before(&self, length: usize) -> Span {
         let before = self.before().len();
         let start = if self.masked[before..self.at].contains('\n') { self.at } else { before };
         self.span(start, self.at + length)
@@ -212,7 +212,7 @@ impl Slip<'_> {
         let d = d.help(format!("a product is written with `*`: {product}"));
         // a word behind a bracket is rather a unit, or a word of the statement
         let is_factor = before.ends_with(|c: char| c.is_ascii_alphanumeric() || c == '_' || c == ')');
-        Some(if is_factor { d.replace(self.from_before(0), "*") } else { d })
+        Some(if is_factor { d.replace(self.with_blanks_before(0), "*") } else { d })
     }
 
     fn after_the_end(&self, found: &str) -> Diagnostic {
