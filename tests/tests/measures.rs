@@ -61,9 +61,9 @@ fn events_and_numbers_below_may_read_it() {
 #[test]
 fn what_cannot_be_meant_is_told_with_its_place() {
     for (more, code, words) in [
-        ("measure k = max(u)", "E445", "needs a region"),
+        ("measure k = max(u)", "E113", "is taken on a region"),
         ("measure k = F/q", "E201", "q"),
-        ("measure k = F/d on west", "E445", "nothing that is taken on it"),
+        ("measure k = F/d on west", "E113", "found no reduction"),
         ("measure k = [F, d]", "E108", "a measure is a scalar"),
         ("measure k = 2*l\nmeasure l = 2*k", "E", "l"),
         ("measure k = F/u", "E201", "`u`"),

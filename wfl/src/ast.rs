@@ -511,15 +511,8 @@ pub enum ItemKind {
         /// At which points.
         at: MeasureAt,
     },
-    /// `measure k = F/d`, or `measure k = integral(a)/integral(b) on r`
-    Computed {
-        /// Its name.
-        name: Ident,
-        /// Of what: measures, parameters, the step variable, reductions.
-        expr: Expr,
-        /// Where reductions are taken.
-        places: Vec<Ident>,
-    },
+    /// `measure k = F/d`, or `measure k = integral(a)/integral(b) on r`: name, number, where reductions are taken
+    Computed(Ident, Expr, Vec<Ident>),
     /// `balance b of p, q`
     Balance {
         /// Its name.

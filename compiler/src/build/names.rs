@@ -44,10 +44,8 @@ impl Builder<'_> {
             }
             "timestep" => {
                 if self.env.step_variable.is_none() {
-                    let d = Diagnostic::new(Code::E206, "`timestep` needs a `steps` statement")
-                        .about("steps")
-                        .missing(STEPS);
-                    return self.report(d, e, "");
+                    let d = Diagnostic::new(Code::E206, "`timestep` needs a `steps` statement").about("steps");
+                    return self.report(d.missing(STEPS), e, "");
                 }
                 if self.in_the_past {
                     return self.not_in_the_past(e, name);

@@ -40,7 +40,7 @@ fn statement(sources: &SourceMap, item: &Item, out: &mut String) {
         ItemKind::State { update, .. } => part("update", update),
         ItemKind::Mesh { map: Some(map), .. } => part("map", map),
         ItemKind::Def(d) => part("body", &d.body),
-        ItemKind::Measure { expr, .. } | ItemKind::Computed { expr, .. } => part("of", expr),
+        ItemKind::Measure { expr, .. } | ItemKind::Computed(_, expr, _) => part("of", expr),
         ItemKind::Term { defs, expr, .. } => {
             for d in defs {
                 part(&format!("Def {}", d.name.name), &d.body);

@@ -251,7 +251,7 @@ impl<'a> Reader<'a> {
             | ItemKind::Solver { .. }
             | ItemKind::Quadrature { .. } => self.request(&item.kind),
             ItemKind::Measure { .. }
-            | ItemKind::Computed { .. }
+            | ItemKind::Computed(..)
             | ItemKind::Balance { .. }
             | ItemKind::Event { .. }
             | ItemKind::Expect(_)
@@ -394,7 +394,7 @@ impl<'a> Reader<'a> {
                     self.expr(x);
                 }
             }
-            ItemKind::Computed { name, expr, places } => {
+            ItemKind::Computed(name, expr, places) => {
                 self.declare(name, Kind::Measure);
                 self.expr(expr);
                 self.regions(places);

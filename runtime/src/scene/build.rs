@@ -179,6 +179,14 @@ struct Outputs {
     law_seconds: f64,
 }
 
+impl Values {
+    /// Whether some number reads the end of the previous step.
+    fn read_past(&self) -> bool {
+        let in_computed = self.computed.iter().flat_map(|c| &c.reductions);
+        self.measures.iter().chain(&self.watched).chain(in_computed).any(Measure::reads_past)
+    }
+}
+
 impl Builder<'_> {
     fn build(mut self) -> Option<(Scene, Integration)> {
         let begin = Instant::now();
@@ -295,24 +303,12 @@ impl Builder<'_> {
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
         let Numbered { numbering, mut prescribed, states, used, rates, past, assembled } = numbered;
-        let Values {
-            steps,
-            newton,
-            accuracy,
-            starts,
-            start_rates,
-            integration,
-            data,
-            measures,
-            watched,
-            computed,
-            tables,
-        } = values;
+        let reads_past = !past.is_empty() || values.read_past();
+        let Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, .. } = values;
+        let (watched, computed, tables) = (values.watched, values.computed, values.tables);
         let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
-        let in_computed = computed.iter().flat_map(|c| &c.reductions);
-        let of_measures = measures.iter().chain(&watched).chain(in_computed).any(Measure::reads_past);
-        let reads_past = !past.is_empty() || of_measures || outputs_read_past(&vtk, csv.iter().chain(&series));
+        let reads_past = reads_past || outputs_read_past(&vtk, csv.iter().chain(&series));
         let steps = steps?;
         if self.mesh.is_whole() {
             self.statements_without_effect(&numbering, &mut prescribed, &steps, reads_past || rates)?;

@@ -22,7 +22,7 @@ use crate::{
     assemble::{Domain, Follows, MovingPoints},
     field::{Field, FieldSpace},
     finite::{BadGiven, NotFinite},
-    mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet},
+    mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet, SupportSet},
     scene::{Parts, constants::number, mesh::position_place},
     space::Support,
     value::Value,
@@ -288,6 +288,19 @@ impl Mappings {
                 let table = mesh.geometry_element(mesh.kind(image.cell)).tabulate(&[image.reference], 0);
                 Some(mesh.point_at(image.cell, &table, 0))
             }
+        }
+    }
+
+    /// Whether all faces of a support are among those that a mapping onto faces begins on; one by a formula begins anywhere.
+    pub(super) fn begins_on(&self, mapping: usize, support: &SupportSet) -> bool {
+        let from = match self.list.get(mapping).map(|m| &m.1) {
+            Some(Search::Facets { from, .. } | Search::Moving { from, .. }) => from,
+            _ => return true,
+        };
+        match support {
+            SupportSet::Cells(_) => false,
+            SupportSet::Facets(facets) => facets.iter().all(|f| from.contains(f)),
+            SupportSet::Interface(pairs) => pairs.iter().all(|p| from.contains(&p.here)),
         }
     }
 

@@ -3,7 +3,7 @@
 //! Promises: on a region the points are those of its terms, so that measured forces are those that act and states are met;
 //! a value at a point is that of the first body, in the order of the fields, that has the expression and the point.
 
-use std::{cell::Cell, sync::Arc};
+use std::sync::Arc;
 
 use wfl::{
     Code, Diagnostic,
@@ -208,15 +208,7 @@ impl Builder<'_> {
         let point = [0, 1, 2].map(|d| found.get(d).copied().unwrap_or(0.0));
         let backend = self.batch;
         let (parts, diagnostics) = self.parts();
-        let mut maker = OutputMaker {
-            parts,
-            rules,
-            mappings: None,
-            backend,
-            steps: None,
-            diagnostics,
-            law_seconds: Cell::new(0.0),
-        };
+        let mut maker = OutputMaker::at_a_point(parts, rules, backend, diagnostics);
         let (bodies, faces) = (maker.bodies(), maker.faces_of_lines());
         let homes = maker.homes(&bodies, &faces, &measure.expr);
         let anywhere = !homes.is_empty();
@@ -234,15 +226,7 @@ impl Builder<'_> {
                 return None;
             }
             let (parts, diagnostics) = self.parts();
-            let maker = OutputMaker {
-                parts,
-                rules,
-                mappings: None,
-                backend,
-                steps: None,
-                diagnostics,
-                law_seconds: Cell::new(0.0),
-            };
+            let maker = OutputMaker::at_a_point(parts, rules, backend, diagnostics);
             let told = maker.state_at_points(&law, measure.expr.span, (x.span, "the point"));
             if let Some(d) = told {
                 self.diagnostics.push(d);

@@ -6,10 +6,11 @@
 //! integration points only: their mean over each cell is written. Where bodies have vector unknowns of their own, `DISPLACEMENT`
 //! has all of them in one array.
 
+mod points;
+
 use std::{
     cell::Cell,
     collections::{BTreeMap, BTreeSet},
-    sync::Arc,
     time::Instant,
 };
 
@@ -25,7 +26,6 @@ use wfl_compiler::{
 };
 
 use crate::{
-    assemble::Domain,
     field::{Field, FieldSpace},
     mesh::{CellId, RegionSet, SupportSet},
     output::{MEASURES_FILE, OutputError, PART, check_name, step_name},
@@ -35,10 +35,9 @@ use crate::{
         constants::{number, numbers},
         fields::place_sig,
         jumps,
-        mappings::{Mappings, Through, fields_there, refused},
+        mappings::{Mappings, refused},
         regions::NamedRegion,
-        states::{points_of_entities, states_read},
-        terms::{RuleChoice, Rules, domain},
+        terms::Rules,
     },
     space::Support,
     value::Value,
@@ -99,9 +98,6 @@ pub(super) struct Target {
     pub(super) support: SupportSet,
 }
 
-/// A message says why there is none.
-struct Told;
-
 /// Codes of what has no value at a place but may have one elsewhere: fields, other sides, normals.
 const NOT_HERE: [Code; 3] = [Code::E202, Code::E203, Code::E204];
 
@@ -133,6 +129,19 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> Made {
         }
     }
     (vtk, csv, series)
+}
+
+impl<'a> OutputMaker<'a> {
+    /// For values at one point.
+    pub(super) fn at_a_point(
+        parts: Parts<'a>,
+        rules: &'a Rules,
+        backend: &'a dyn KernelBackend,
+        diagnostics: &'a mut Vec<Diagnostic>,
+    ) -> Self {
+        let law_seconds = Cell::new(0.0);
+        Self { parts, rules, mappings: None, backend, steps: None, diagnostics, law_seconds }
+    }
 }
 
 impl OutputMaker<'_> {
@@ -194,6 +203,8 @@ impl OutputMaker<'_> {
         let compiled = compile_value(self.parts.env, &target.sig, "output", e);
         self.law_seconds.set(self.law_seconds.get() + begin.elapsed().as_secs_f64());
         match compiled.value {
+            // images are those of the faces that a mapping begins on
+            Some(law) if !self.begins_on(&law, target) => Err(Vec::new()),
             Some(law) if !compiled.diagnostics.iter().any(Diagnostic::is_error) => Ok(law),
             _ => Err(compiled.diagnostics),
         }
@@ -488,7 +499,7 @@ impl OutputMaker<'_> {
         };
         let points = match self.own_points(&law, target, span) {
             Ok(points) => points,
-            Err(Told) => return,
+            Err(points::Told) => return,
         };
         let added = Value::new(law, self.backend).map_err(|e| e.to_string()).and_then(|v| {
             let (piece, name) = (&mut pieces[position].1, name.to_owned());
@@ -501,52 +512,6 @@ impl OutputMaker<'_> {
         if let Err(text) = added {
             self.diagnostics.push(Diagnostic::new(Code::E416, text).at(span, ""));
         }
-    }
-
-    /// The points at which a quantity is known, if it is not known everywhere: those of a state, or those of the terms
-    /// through a mapping.
-    fn own_points(&mut self, law: &ValueLaw, target: &Target, span: Span) -> Result<Option<Arc<Domain>>, Told> {
-        if let Some(mapping) = law.mapping {
-            return self.points_through(mapping, law, target, span).map(Some);
-        }
-        match states_read(self.parts.fields, &law.inputs).next() {
-            Some(state) => self.points_of(state, &target.support, span).ok_or(Told).map(Some),
-            None => Ok(points_of_entities(self.parts, law, &target.support)),
-        }
-    }
-
-    /// The integration points of the terms on the faces of a piece that have an image.
-    fn points_through(
-        &mut self,
-        mapping: usize,
-        law: &ValueLaw,
-        target: &Target,
-        span: Span,
-    ) -> Result<Arc<Domain>, Told> {
-        let Some(mappings) = self.mappings else {
-            self.diagnostics.extend(refused(law.mapping, "a value here", span));
-            return Err(Told);
-        };
-        let set = target.support.region();
-        let choice = self.rules.get(&target.sig.name).copied().unwrap_or(RuleChoice::Degree(1));
-        let base =
-            domain(self.parts.mesh, self.parts.fields, Some(&set), choice, span, self.diagnostics).ok_or(Told)?;
-        let through = Through { mapping, there: fields_there(&law.inputs, []) };
-        // that some points have no image is told of the terms
-        let mut told = Vec::new();
-        let found = mappings.domain(&through, self.parts.mesh, self.parts.fields, &base, span, &mut told);
-        self.diagnostics.extend(told.into_iter().filter(Diagnostic::is_error));
-        found.ok_or(Told)
-    }
-
-    /// The integration points of a state on a piece.
-    fn points_of(&mut self, state: usize, support: &SupportSet, span: Span) -> Option<Arc<Domain>> {
-        let places = match &self.parts.script.fields[state].space.place {
-            wfl::ast::Place::On(list) => list.iter().map(|p| p.name.as_str()).collect(),
-            _ => vec!["all"],
-        };
-        let choice = places.iter().find_map(|p| self.rules.get(*p)).copied().unwrap_or(RuleChoice::Degree(1));
-        domain(self.parts.mesh, self.parts.fields, Some(&support.region()), choice, span, self.diagnostics)
     }
 
     /// The faces on which a line may lie: those with terms, then other regions of faces.

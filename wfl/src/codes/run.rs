@@ -219,7 +219,7 @@ pages! {
         "something that is not available yet",
         "The language has this feature, but the program does not support it yet. The message says what to write \
          instead.",
-        "mapping m = point [1 - x, y, z]\noutput csv \"r\" : Interpolate(u, m) along [0,0] to [1,1]",
+        "mapping m = point [1 - x, y, z]\noutput csv \"r\" : Interpolate(u, m) along [0,0,0] to [1,1,1]",
         "mapping m = point [1 - x, y, z]\nmeasure r = max(Norm(Interpolate(u, m))) on all",
     ),
 }

@@ -243,7 +243,7 @@ impl Reader<'_> {
             let mut p = self.open(word);
             let expr = self.value(p.next())?;
             let places = p.take(Rule::option_on).map(|on| self.places(on)).unwrap_or_default();
-            return Ok(ItemKind::Computed { name, expr, places });
+            return Ok(ItemKind::Computed(name, expr, places));
         }
         let (reduction, expr) = (reduction(word.as_str()), self.value(p.next())?);
         let (places, at) = match p.take(Rule::measure_at) {

@@ -289,15 +289,6 @@ fn usual_slips_have_messages_of_their_own() {
             ["E113", "`if` inside a larger expression needs parentheses", "if", "(if condition then a else b)"],
         ),
         ("expect a", ["E122", "a number stands where a condition is needed", "a", "compare it: a < b, a == b"]),
-        (
-            "measure m = sum(u) on a",
-            [
-                "E113",
-                "expected `mean`, `max`, `min`, `integral`, `value` or `reaction`, found `sum`",
-                "sum",
-                "the form is: measure name = max(expression) on region; or min, mean, integral; value(expression) at [0,1]",
-            ],
-        ),
         ("unknown u : scalar [m^300]", ["E120", "the power `300` of a unit is too large", "300", ""]),
     ] {
         assert_eq!(error(text), expected.map(str::to_owned), "{text}");

@@ -67,7 +67,7 @@ pub(super) fn declared(item: &Item) -> Option<(Kind, &Ident)> {
         ItemKind::Data { name, .. } => (Kind::Data, name),
         ItemKind::State { name, .. } => (Kind::State, name),
         ItemKind::Def(def) => (Kind::Def, &def.name),
-        ItemKind::Measure { name, .. } | ItemKind::Computed { name, .. } | ItemKind::Event { name, .. } => {
+        ItemKind::Measure { name, .. } | ItemKind::Computed(name, ..) | ItemKind::Event { name, .. } => {
             (Kind::Measure, name)
         }
         ItemKind::Mapping { name, .. } => (Kind::Mapping, name),

@@ -32,9 +32,7 @@ impl<'d> Resolver<'d> {
             K::Steps { .. } | K::Scheme { .. } | K::Solver { .. } | K::Quadrature { .. } => {
                 self.request(kind, item.span)
             }
-            K::Measure { .. } | K::Computed { .. } | K::Balance { .. } | K::Event { .. } => {
-                self.request(kind, item.span)
-            }
+            K::Measure { .. } | K::Computed(..) | K::Balance { .. } | K::Event { .. } => self.request(kind, item.span),
             K::Expect(_) | K::Output { .. } => self.request(kind, item.span),
         }
     }
@@ -192,18 +190,12 @@ impl<'d> Resolver<'d> {
                 let (name, reduction) = (name.clone(), *reduction);
                 self.script.measures.push(Measure { name, reduction, expr, places: places?, at, span });
             }
-            ItemKind::Computed { name, expr, places } => {
-                let computed = self.computed(name, expr, places, span)?;
-                self.script.computed.push(computed);
-            }
+            ItemKind::Computed(name, expr, places) => self.computed(name, expr, places, span)?,
             ItemKind::Balance { name, fields } => {
                 self.all_fields(fields, "only unknowns have equations to be added up", |k| k == Kind::Unknown)?;
                 self.script.balances.push(Balance { name: name.clone(), fields: fields.clone(), span });
             }
-            ItemKind::Event { name, condition, places } => {
-                let event = self.event(name, condition, places, span)?;
-                self.script.events.push(event);
-            }
+            ItemKind::Event { name, condition, places } => self.event(name, condition, places, span)?,
             ItemKind::Expect(condition) => {
                 let text = self.sources.snippet(condition.span).to_owned();
                 let condition = self.cond(condition)?;

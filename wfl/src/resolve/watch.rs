@@ -6,8 +6,10 @@ use crate::{
     ast::{Argument, CmpOp, Cond, CondKind, Expr, ExprKind, Ident, MeasureAt, OptionItem, OptionValue, Reduction},
     codes::Code,
     diag::Diagnostic,
-    script::{Computed, Measure},
+    foreign::form,
+    script::{Computed, Event, Measure},
     source::Span,
+    words::is_function,
 };
 
 impl Resolver<'_> {
@@ -40,13 +42,7 @@ impl Resolver<'_> {
 
 impl Resolver<'_> {
     /// The sides of an event, the larger one first.
-    pub(super) fn event(
-        &mut self,
-        name: &Ident,
-        condition: &Cond,
-        places: &[Ident],
-        span: Span,
-    ) -> Option<crate::script::Event> {
+    pub(super) fn event(&mut self, name: &Ident, condition: &Cond, places: &[Ident], span: Span) -> Option<()> {
         let places = self.places(places, true);
         let condition = self.reducing(|this| this.cond(condition))?;
         let places = places?;
@@ -63,19 +59,49 @@ impl Resolver<'_> {
         take(&mut larger, &name.name, &places, &mut watched);
         take(&mut smaller, &name.name, &places, &mut watched);
         self.check_places(name, larger.span, &places, !watched.is_empty());
-        Some(crate::script::Event { name: name.clone(), larger, smaller, watched, span })
+        self.script.events.push(Event { name: name.clone(), larger, smaller, watched, span });
+        Some(())
     }
 
     /// A number that measures make; its reductions are measures that only it reads.
-    pub(super) fn computed(&mut self, name: &Ident, expr: &Expr, places: &[Ident], span: Span) -> Option<Computed> {
+    pub(super) fn computed(&mut self, name: &Ident, expr: &Expr, places: &[Ident], span: Span) -> Option<()> {
+        if let Some(d) = self.no_number(expr, places) {
+            self.diagnostics.push(d.help(format!("the form is: {}", form("measure").unwrap_or_default())));
+            return None;
+        }
         let places = self.places(places, true);
         let mut expr = self.reducing(|this| this.expr(expr))?;
         let places = places?;
         let mut watched = Vec::new();
         take(&mut expr, &name.name, &places, &mut watched);
         watched.iter_mut().for_each(|m| m.name.name.insert_str(0, &name.name));
-        self.check_places(name, expr.span, &places, !watched.is_empty());
-        Some(Computed { name: name.clone(), expr, watched, span })
+        self.script.computed.push(Computed { name: name.clone(), expr, watched, span });
+        Some(())
+    }
+
+    /// E113 for what is neither a measure nor a number that measures make.
+    fn no_number(&self, e: &Expr, places: &[Ident]) -> Option<Diagnostic> {
+        let mut taken = Vec::new();
+        take(&mut e.clone(), "", places, &mut taken);
+        let called = match &e.kind {
+            ExprKind::Call(callee, _) => match &callee.kind {
+                ExprKind::Name(word) => Some(word.as_str()),
+                _ => None,
+            },
+            _ => None,
+        };
+        let unknown = called.filter(|word| !is_function(word) && !self.names.values.contains_key(*word));
+        let expected = "expected `mean`, `max`, `min`, `integral`, `value` or `reaction`";
+        let found = || called.map_or_else(|| "no reduction".to_owned(), |word| format!("`{word}`"));
+        let text = match (taken.is_empty(), places.is_empty()) {
+            (true, false) => format!("{expected}, found {}", found()),
+            (true, true) => format!("{expected}, or arithmetic of measures, found `{}`", unknown?),
+            (false, true) => {
+                format!("`{}` is taken on a region, and none is named", taken[0].name.name.split(' ').next()?)
+            }
+            (false, false) => return None,
+        };
+        Some(Diagnostic::new(Code::E113, text).at(e.span, ""))
     }
 
     fn no_event<T>(&mut self, at: Span) -> Option<T> {

@@ -11,7 +11,7 @@ mod element;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use deck::{Deck, Instance, Member, Part, Set, Surface, wrong};
+use deck::{Deck, Instance, Member, Part, Set, Surface};
 use element::Shape;
 
 use super::{
@@ -46,7 +46,8 @@ pub(super) fn parse(bytes: &[u8]) -> Result<RawMesh, ReadError> {
     let several = deck.instances.len() > 1;
     for instance in &deck.instances {
         let part = deck.parts.iter().find(|p| p.name.eq_ignore_ascii_case(&instance.part));
-        let part = part.ok_or_else(|| wrong(instance.line, format!("there is no part `{}`", instance.part)))?;
+        let part =
+            part.ok_or_else(|| ReadError::deck(instance.line, format!("there is no part `{}`", instance.part)))?;
         let offset = maker.highest();
         maker.place(part, instance, offset);
         let prefix = if several { format!("{}_", instance.name) } else { String::new() };
@@ -57,7 +58,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<RawMesh, ReadError> {
     maker.scopes.insert(String::new(), Scope::default());
     maker.sets(&outside, "", "")?;
     if maker.elements.is_empty() {
-        return Err(wrong(1, "there is no *ELEMENT with data in the file"));
+        return Err(ReadError::deck(1, "there is no *ELEMENT with data in the file"));
     }
     maker.into_contents()?.into_raw()
 }
@@ -78,6 +79,13 @@ struct Element {
     /// In the order of the file.
     nodes: Vec<u64>,
     groups: BTreeSet<i64>,
+}
+
+/// An element as Gmsh lists it.
+struct Listed {
+    code: i64,
+    number: u64,
+    nodes: Vec<u64>,
 }
 
 /// The mesh while it is put together.
@@ -161,7 +169,8 @@ impl Maker {
     }
 
     fn numbers(&self, member: &Member, scope: &str, kind: usize, line: usize) -> Result<Vec<u64>, ReadError> {
-        let own = self.scopes.get(scope).ok_or_else(|| wrong(line, format!("there is no instance `{scope}`")))?;
+        let own =
+            self.scopes.get(scope).ok_or_else(|| ReadError::deck(line, format!("there is no instance `{scope}`")))?;
         let add = own.offset[kind];
         Ok(match member {
             Member::Number(number) => vec![number + add],
@@ -175,7 +184,8 @@ impl Maker {
                 let (scope, word) = name.rsplit_once('.').unwrap_or((scope, name));
                 let sets = self.scopes.get(&scope.to_uppercase()).map(|s| &s.sets[kind]);
                 let found = sets.and_then(|sets| sets.get(&word.to_uppercase()));
-                let missing = || wrong(line, format!("there is no set `{name}` of {}s", ["node", "element"][kind]));
+                let missing =
+                    || ReadError::deck(line, format!("there is no set `{name}` of {}s", ["node", "element"][kind]));
                 found.ok_or_else(missing)?.iter().copied().collect()
             }
         })
@@ -196,7 +206,8 @@ impl Maker {
                 let faces = element.shape.faces();
                 let chosen = match face {
                     Some(face) => {
-                        let missing = || wrong(surface.line, format!("element {} has no face S{face}", element.number));
+                        let missing =
+                            || ReadError::deck(surface.line, format!("element {} has no face S{face}", element.number));
                         vec![*faces.get(face - 1).ok_or_else(missing)?]
                     }
                     None => faces.to_vec(),
@@ -233,14 +244,13 @@ impl Maker {
         for element in &self.elements {
             let nodes = ordered(element, &positions);
             let groups: Vec<i64> = element.groups.iter().copied().collect();
-            add(&mut contents, (element.shape.code(), element.number), nodes, groups)?;
+            add(&mut contents, Listed { code: element.shape.code(), number: element.number, nodes }, groups)?;
         }
-        for (element, corners, tag) in self.facets {
-            let nodes = if let [a, b, c, d] = corners[..] { vec![a, b, c, d] } else { corners };
-            add(&mut contents, (FACETS[nodes.len()], element), nodes, vec![tag])?;
+        for (number, nodes, tag) in self.facets {
+            add(&mut contents, Listed { code: FACETS[nodes.len()], number, nodes }, vec![tag])?;
         }
         for (node, tag) in self.points.into_iter().filter(|(node, _)| positions.contains_key(node)) {
-            add(&mut contents, (POINT, node), vec![node], vec![tag])?;
+            add(&mut contents, Listed { code: POINT, number: node, nodes: vec![node] }, vec![tag])?;
         }
         (contents.node_numbers, contents.nodes) = self.nodes.into_iter().unzip();
         Ok(contents)
@@ -270,12 +280,8 @@ fn ordered(element: &Element, positions: &BTreeMap<u64, [f64; 3]>) -> Vec<u64> {
 }
 
 /// Adds an element to the last block if that is of its kind and groups.
-fn add(
-    contents: &mut Contents,
-    (code, element): (i64, u64),
-    nodes: Vec<u64>,
-    groups: Vec<i64>,
-) -> Result<(), ReadError> {
+fn add(contents: &mut Contents, element: Listed, groups: Vec<i64>) -> Result<(), ReadError> {
+    let Listed { code, number: element, nodes } = element;
     let element_type = find_type(code, element, || Place::Line(0))?;
     match contents.blocks.last_mut().filter(|b| b.element_type == element_type && b.groups == groups) {
         Some(block) => {

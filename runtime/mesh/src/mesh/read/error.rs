@@ -20,6 +20,13 @@ impl std::fmt::Display for Place {
     }
 }
 
+impl ReadError {
+    /// What is wrong in a line of a deck.
+    pub(super) fn deck(line: usize, what: impl Into<String>) -> Self {
+        Self::Deck { what: what.into(), place: Place::Line(line) }
+    }
+}
+
 /// A mesh file that cannot be used. Numbers of nodes and elements are those of the file.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {

@@ -180,7 +180,10 @@ fn errors_name_the_place() {
         "the cells have dimension 2 but node 9 lies outside the plane of x and y: a body in space needs cells of its \
          volume, a mesh of dimension 2 must be flat"
     );
-    assert_eq!(message("solid cube"), "not a mesh file of a known format (Gmsh 2.2 or 4.1 is read)");
+    assert_eq!(
+        message("solid cube"),
+        "not a mesh file of a known format (Gmsh 2.2 and 4.1, and input files of Abaqus and CalculiX are read)"
+    );
     assert_eq!(message("$MeshFormat\n4 0 8\n"), "Gmsh file format 4 is not read, save the mesh as 2.2 or 4.1");
     assert_eq!(message(&format!("{HEAD}$Nodes\n")), "line 5: the file ends where the number of nodes is needed");
 }

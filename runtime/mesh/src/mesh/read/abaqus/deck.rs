@@ -78,17 +78,13 @@ pub(super) struct Deck {
     pub(super) outside: Part,
 }
 
-pub(super) fn wrong(line: usize, what: impl Into<String>) -> ReadError {
-    ReadError::Deck { what: what.into(), place: Place::Line(line) }
-}
-
 impl Section {
     fn value(&self, name: &str) -> Option<&str> {
         self.parameters.iter().find(|p| p.0 == name).map(|p| p.1.as_str())
     }
 
     fn needs(&self, name: &str) -> Result<String, ReadError> {
-        let missing = || wrong(self.line, format!("*{} has no {name}=", self.keyword));
+        let missing = || ReadError::deck(self.line, format!("*{} has no {name}=", self.keyword));
         self.value(name).filter(|v| !v.is_empty()).map(str::to_owned).ok_or_else(missing)
     }
 }
@@ -141,7 +137,7 @@ fn sections(bytes: &[u8]) -> Vec<Section> {
 fn number<T: std::str::FromStr>(line: usize, word: &str, what: &str) -> Result<T, ReadError> {
     // numbers may be written as 1.5D0
     let plain = word.replace(['d', 'D'], "e");
-    plain.parse().map_err(|_| wrong(line, format!("found `{word}`, needed {what}")))
+    plain.parse().map_err(|_| ReadError::deck(line, format!("found `{word}`, needed {what}")))
 }
 
 impl Deck {
@@ -167,22 +163,20 @@ impl Deck {
 
 fn instance(section: &Section) -> Result<Instance, ReadError> {
     let (name, part) = (section.needs("NAME")?, section.needs("PART")?);
-    let mut numbers = Vec::new();
-    for (line, words) in &section.data {
-        for word in words {
-            numbers.push(number::<f64>(*line, word, "a number of the place of an instance")?);
-        }
-    }
-    let (shift, turn) = match numbers.as_slice() {
-        [] => ([0.0; 3], None),
-        [x, y] => ([*x, *y, 0.0], None),
-        [x, y, z] => ([*x, *y, *z], None),
-        [x, y, z, rest @ ..] => {
-            let turn = rest.try_into().map_err(|_| wrong(section.line, "a rotation has two points and an angle"))?;
-            ([*x, *y, *z], Some(turn))
-        }
-        [_] => return Err(wrong(section.line, "a place of an instance has two or three numbers")),
+    let numbers = |k: usize| -> Result<Vec<f64>, ReadError> {
+        let Some((line, words)) = section.data.get(k) else { return Ok(Vec::new()) };
+        words.iter().map(|word| number(*line, word, "a number of the place of an instance")).collect()
     };
+    // the first line moves, the second one turns
+    let shift = match numbers(0)?.as_slice() {
+        [] => [0.0; 3],
+        [x, y] => [*x, *y, 0.0],
+        [x, y, z] => [*x, *y, *z],
+        _ => return Err(ReadError::deck(section.line, "a place of an instance has two or three numbers")),
+    };
+    let axis = numbers(1)?;
+    let two_points = |_| ReadError::deck(section.line, "a rotation has two points and an angle");
+    let turn = if axis.is_empty() { None } else { Some(axis.try_into().map_err(two_points)?) };
     Ok(Instance { name, part, shift, turn, line: section.line })
 }
 
@@ -202,7 +196,7 @@ impl Part {
             "SURFACE" => self.surface(section),
             word @ ("INCLUDE" | "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY" | "SYSTEM") => {
                 let what = format!("*{word} is not followed: write all nodes and elements into one file");
-                Err(wrong(section.line, what))
+                Err(ReadError::deck(section.line, what))
             }
             _ => Ok(()),
         }
@@ -211,7 +205,10 @@ impl Part {
     fn nodes(&mut self, section: &Section) -> Result<(), ReadError> {
         for name in ["SYSTEM", "INPUT"] {
             if section.value(name).is_some_and(|v| !v.eq_ignore_ascii_case("R")) {
-                return Err(wrong(section.line, format!("*NODE with {name}= is not read: write positions in x, y, z")));
+                return Err(ReadError::deck(
+                    section.line,
+                    format!("*NODE with {name}= is not read: write positions in x, y, z"),
+                ));
             }
         }
         let first = self.nodes.len();
@@ -256,13 +253,19 @@ impl Part {
                 std::cmp::Ordering::Equal => self.elements.push(element),
                 std::cmp::Ordering::Greater => {
                     let (n, found) = (element.shape.n_nodes(), element.nodes.len());
-                    return Err(wrong(*line, format!("element {} has {found} nodes, {kind} has {n}", element.number)));
+                    return Err(ReadError::deck(
+                        *line,
+                        format!("element {} has {found} nodes, {kind} has {n}", element.number),
+                    ));
                 }
             }
         }
         if let Some(element) = open {
             let (n, found) = (element.shape.n_nodes(), element.nodes.len());
-            return Err(wrong(section.line, format!("element {} has {found} nodes, {kind} has {n}", element.number)));
+            return Err(ReadError::deck(
+                section.line,
+                format!("element {} has {found} nodes, {kind} has {n}", element.number),
+            ));
         }
         if let Some(name) = section.value("ELSET") {
             let members = self.elements[first..].iter().map(|e| Member::Number(e.number)).collect();
@@ -293,7 +296,7 @@ impl Part {
 /// `S3`, of a face of an element.
 fn face_number(line: usize, word: &str) -> Result<usize, ReadError> {
     let digits = word.strip_prefix(['S', 's']).and_then(|d| d.parse().ok()).filter(|n| (1..=6).contains(n));
-    digits.ok_or_else(|| wrong(line, format!("found `{word}`, needed a face of an element, S1 to S6")))
+    digits.ok_or_else(|| ReadError::deck(line, format!("found `{word}`, needed a face of an element, S1 to S6")))
 }
 
 fn member(word: &str) -> Member {
@@ -314,7 +317,10 @@ fn set(section: &Section, name: String) -> Result<Set, ReadError> {
         }
         let [from, to, by] = numbers;
         if words.len() < 2 || by == 0 || to < from {
-            return Err(wrong(*line, "a generated set has its first and last number, and the distance between them"));
+            return Err(ReadError::deck(
+                *line,
+                "a generated set has its first and last number, and the distance between them",
+            ));
         }
         members.push(Member::Range([from, to, by]));
     }

@@ -1,6 +1,5 @@
 //! Element types by their names: shape, order of the nodes, faces.
 
-use super::deck::wrong;
 use crate::mesh::read::error::ReadError;
 
 /// A shape of first or second order.
@@ -106,7 +105,7 @@ pub(super) fn shape(name: &str, element: u64, line: usize) -> Result<Shape, Read
             }
             _ => "",
         };
-        wrong(line, format!("element {element} is a {name}, which is no element that is read{remedy}"))
+        ReadError::deck(line, format!("element {element} is a {name}, which is no element that is read{remedy}"))
     })
 }
 
