@@ -27,7 +27,7 @@ pub(crate) fn side_by_side<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + 
     };
     let at_a_time = thread::available_parallelism().map_or(1, |n| n.get());
     let mut all: Vec<(usize, R)> = thread::scope(|scope| {
-        let workers: Vec<_> = (0..at_a_time).map(|_| scope.spawn(&one_after_another)).collect();
+        let workers: Vec<_> = (0..at_a_time).map(|_| scope.spawn(one_after_another)).collect();
         workers.into_iter().flat_map(|w| w.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
     });
     all.sort_by_key(|(k, _)| *k);
