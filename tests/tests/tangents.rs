@@ -47,6 +47,9 @@ struct Both {
     refused: Vec<String>,
 }
 
+/// Parameters that are 0 in their example and leave out a term with second rates: nothing determines what it reads (E470).
+const SWITCHES: [&str; 1] = ["inertia"];
+
 /// All measures at the last step and over all steps, in all parameters and data that are not refused.
 fn adjoint(
     of: Differentiated<'_>,
@@ -56,7 +59,12 @@ fn adjoint(
     let mut measures: Vec<String> = script.measures.iter().map(|m| m.name.name.clone()).collect();
     let data = script.fields.iter().filter(|f| matches!(f.kind, FieldKind::Data { .. }));
     let mut request = Request {
-        parameters: script.params.iter().map(|p| p.name.name.clone()).collect(),
+        parameters: script
+            .params
+            .iter()
+            .map(|p| p.name.name.clone())
+            .filter(|name| !SWITCHES.contains(&name.as_str()))
+            .collect(),
         fields: data.map(|f| f.name.name.clone()).collect(),
         ..Request::default()
     };
