@@ -168,7 +168,8 @@ def test_what_a_function_gives_is_checked():
 
 
 def test_a_change_that_fails_leaves_the_scene_as_it_was():
-    scene = wfl.Scene.from_text(HEAT, data={"k": np.linspace(1, 2, 49)}, start={"u": 0.5}, times=[0, 0.5], c=2)
+    start = {"u": np.full(49, 0.5)}
+    scene = wfl.Scene.from_text(HEAT, data={"k": np.linspace(1, 2, 49)}, start=start, times=[0, 0.5], c=2)
     native, before = scene._native, scene.run(keep_states=True)
 
     def given(scene):

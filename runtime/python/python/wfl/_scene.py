@@ -60,6 +60,9 @@ def _word(value: Any) -> str:
         return value
     import numpy as np
 
+    # knobs such as `degree` take whole numbers alone
+    if isinstance(value, (int, np.integer)) and not isinstance(value, bool):
+        return str(int(value))
     a = np.asarray(value, dtype=float)
     if a.ndim == 0:
         return repr(float(a))
