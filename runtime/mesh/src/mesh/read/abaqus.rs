@@ -93,6 +93,8 @@ struct Listed {
 struct Maker {
     nodes: Vec<(u64, [f64; 3])>,
     elements: Vec<Element>,
+    /// The numbers of nodes and of elements.
+    known: [BTreeSet<u64>; 2],
     /// By the name of the instance in capitals; that outside of parts has none.
     scopes: BTreeMap<String, Scope>,
     /// Names of groups; the tag is the place.
@@ -105,10 +107,12 @@ struct Maker {
 impl Maker {
     /// The highest numbers of nodes and elements so far.
     fn highest(&self) -> [u64; 2] {
-        [self.nodes.iter().map(|n| n.0).max().unwrap_or(0), self.elements.iter().map(|e| e.number).max().unwrap_or(0)]
+        [0, 1].map(|kind| self.known[kind].last().copied().unwrap_or(0))
     }
 
     fn place(&mut self, part: &Part, at: &Instance, offset: [u64; 2]) {
+        self.known[0].extend(part.nodes.iter().map(|n| n.0 + offset[0]));
+        self.known[1].extend(part.elements.iter().map(|e| e.number + offset[1]));
         self.nodes.extend(part.nodes.iter().map(|(n, x)| (n + offset[0], at.placed(*x))));
         self.elements.extend(part.elements.iter().map(|e| Element {
             number: e.number + offset[1],
@@ -174,11 +178,10 @@ impl Maker {
         let add = own.offset[kind];
         Ok(match member {
             Member::Number(number) => vec![number + add],
+            // numbers that no node or element has are none of a set
             Member::Range([from, to, by]) => {
-                let by = usize::try_from(*by).unwrap_or(usize::MAX);
-                // numbers that no node or element has are none of a set
-                let last = (*to).min(self.highest()[kind]);
-                (from + add..=last.max(to + add).min(self.highest()[kind])).step_by(by).collect()
+                let there = self.known[kind].range(from + add..=to + add);
+                there.copied().filter(|number| (number - from - add) % by == 0).collect()
             }
             Member::Set(name) => {
                 let (scope, word) = name.rsplit_once('.').unwrap_or((scope, name));
@@ -193,6 +196,8 @@ impl Maker {
 
     fn surface(&mut self, surface: &Surface, scope: &str, prefix: &str) -> Result<(), ReadError> {
         let tag = self.group(format!("{prefix}{}", surface.name));
+        let any_outer = !surface.of_nodes && surface.items.iter().any(|(_, face)| face.is_none());
+        let outer = if any_outer { self.outer() } else { BTreeMap::new() };
         for (member, face) in &surface.items {
             let kind = usize::from(!surface.of_nodes);
             let numbers: BTreeSet<u64> = self.numbers(member, scope, kind, surface.line)?.into_iter().collect();
@@ -200,7 +205,6 @@ impl Maker {
                 self.points.extend(numbers.into_iter().map(|node| (node, tag)));
                 continue;
             }
-            let outer = if face.is_none() { Some(self.outer()) } else { None };
             let mut found = Vec::new();
             for element in self.elements.iter().filter(|e| numbers.contains(&e.number)) {
                 let faces = element.shape.faces();
@@ -214,7 +218,7 @@ impl Maker {
                 };
                 for corners in chosen {
                     let corners: Vec<u64> = corners.iter().map(|k| element.nodes[*k]).collect();
-                    if outer.as_ref().is_none_or(|outer| outer.get(&key(&corners)) == Some(&1)) {
+                    if face.is_some() || outer.get(&key(&corners)) == Some(&1) {
                         found.push((element.number, corners, tag));
                     }
                 }

@@ -134,6 +134,16 @@ fn sections(bytes: &[u8]) -> Vec<Section> {
     out
 }
 
+/// Numbers of nodes and elements are below this: a hundred thousand times what the programs take, and instances can be
+/// counted on without an overflow.
+const NUMBERS: u64 = 100_000_000_000_000;
+
+/// The number of a node or an element.
+fn entity_number(line: usize, word: &str, what: &str) -> Result<u64, ReadError> {
+    let found = number::<u64>(line, word, what)?;
+    if found < NUMBERS { Ok(found) } else { Err(ReadError::deck(line, format!("found `{word}`, needed {what}"))) }
+}
+
 fn number<T: std::str::FromStr>(line: usize, word: &str, what: &str) -> Result<T, ReadError> {
     // numbers may be written as 1.5D0
     let plain = word.replace(['d', 'D'], "e");
@@ -214,7 +224,7 @@ impl Part {
         let first = self.nodes.len();
         for (line, words) in &section.data {
             let [node, rest @ ..] = words.as_slice() else { continue };
-            let node = number::<u64>(*line, node, "the number of a node")?;
+            let node = entity_number(*line, node, "the number of a node")?;
             let mut x = [0.0f64; 3];
             for (slot, word) in x.iter_mut().zip(rest.iter().filter(|w| !w.is_empty())) {
                 *slot = number(*line, word, "a coordinate")?;
@@ -241,12 +251,12 @@ impl Part {
                 Some(element) => element,
                 None => {
                     let Some(word) = words.next() else { continue };
-                    let number = number(*line, word, "the number of an element")?;
+                    let number = entity_number(*line, word, "the number of an element")?;
                     Element { number, shape: shape(&kind, number, *line)?, nodes: Vec::new() }
                 }
             };
             for word in words {
-                element.nodes.push(number(*line, word, "the number of a node")?);
+                element.nodes.push(entity_number(*line, word, "the number of a node")?);
             }
             match element.nodes.len().cmp(&element.shape.n_nodes()) {
                 std::cmp::Ordering::Less => open = Some(element),
@@ -299,8 +309,12 @@ fn face_number(line: usize, word: &str) -> Result<usize, ReadError> {
     digits.ok_or_else(|| ReadError::deck(line, format!("found `{word}`, needed a face of an element, S1 to S6")))
 }
 
+/// A number, or the name of a set.
 fn member(word: &str) -> Member {
-    word.parse().map_or_else(|_| Member::Set(word.to_owned()), Member::Number)
+    match word.parse().ok().filter(|number| *number < NUMBERS) {
+        Some(number) => Member::Number(number),
+        None => Member::Set(word.to_owned()),
+    }
 }
 
 fn set(section: &Section, name: String) -> Result<Set, ReadError> {
@@ -313,7 +327,7 @@ fn set(section: &Section, name: String) -> Result<Set, ReadError> {
         }
         let mut numbers = [0, 0, 1];
         for (slot, word) in numbers.iter_mut().zip(words) {
-            *slot = number(*line, word, "the number of a member")?;
+            *slot = entity_number(*line, word, "the number of a member")?;
         }
         let [from, to, by] = numbers;
         if words.len() < 2 || by == 0 || to < from {

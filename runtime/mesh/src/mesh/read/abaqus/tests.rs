@@ -146,3 +146,18 @@ fn what_cannot_be_read_is_told_with_its_line() {
         assert!(told.contains(words), "{text}: {told}");
     }
 }
+
+/// Whatever the numbers are, work follows the size of the file.
+#[test]
+fn large_numbers_and_ranges_end_soon() {
+    let mesh = "*NODE\n1, 0., 0.\n2, 1., 0.\n99999999999999, 0., 1.\n*ELEMENT, TYPE=CPS3\n7, 1, 2, 99999999999999\n";
+    let text = format!(
+        "{mesh}*NSET, NSET=odd, GENERATE\n1, 99999999999999, 2\n*ELSET, ELSET=all of it, GENERATE\n1, 99999999999998\n"
+    );
+    let raw = parse(text.as_bytes()).unwrap();
+    assert_eq!([count(group(&raw, "odd")[0]), count(group(&raw, "all of it")[0])], [2, 1]);
+    let told = parse(b"*NODE\n100000000000000, 0., 0.\n").unwrap_err().to_string();
+    assert!(told.contains("line 2: found `100000000000000`"), "{told}");
+    let told = parse(b"*NODE\n18446744073709551615, 0., 0.\n").unwrap_err().to_string();
+    assert!(told.contains("line 2"), "{told}");
+}
