@@ -6,7 +6,7 @@ use gif::{Encoder, Frame, Repeat};
 
 use crate::{
     chart::Chart,
-    raster::{Pixels, PngError, pixels},
+    raster::{Pixels, PngError, pixels, pixels_of},
 };
 
 /// How well colours are told apart when they are reduced to the 256 of a frame: 1 is best, 30 is fastest. 10 is what the
@@ -19,12 +19,12 @@ const WHITE: u8 = 0xff;
 /// # Errors
 /// [`PngError`] when there is no chart, or one that would have no pixels or more than memory has room for.
 pub fn film(charts: &[Chart], hundredths: u16) -> Result<Vec<u8>, PngError> {
-    let mut frames = Vec::with_capacity(charts.len());
+    let mut size = [0, 0];
     for chart in charts {
-        let (marks, size) = chart.marks();
-        frames.push(pixels(&marks, size)?);
+        let own = pixels_of(chart.marks().1)?;
+        size = [size[0].max(own[0]), size[1].max(own[1])];
     }
-    let [w, h] = frames.iter().fold([0, 0], |[w, h], frame| [w.max(frame.size[0]), h.max(frame.size[1])]);
+    let [w, h] = size;
     let (Ok(width), Ok(height)) = (u16::try_from(w), u16::try_from(h)) else { return Err(PngError::Size([w, h])) };
     if width == 0 || height == 0 {
         return Err(PngError::Size([w, h]));
@@ -32,8 +32,10 @@ pub fn film(charts: &[Chart], hundredths: u16) -> Result<Vec<u8>, PngError> {
     let mut file = Vec::new();
     let mut encoder = Encoder::new(&mut file, width, height, &[]).map_err(PngError::Film)?;
     encoder.set_repeat(Repeat::Infinite).map_err(PngError::Film)?;
-    for frame in frames {
-        let whole = padded(&frame, [w, h])?;
+    // one picture at a time: all of them together may be more than memory has room for
+    for chart in charts {
+        let (marks, own) = chart.marks();
+        let whole = padded(&pixels(&marks, own)?, size)?;
         let mut frame = Frame::from_rgb_speed(width, height, &whole, SPEED);
         frame.delay = hundredths;
         encoder.write_frame(&frame).map_err(PngError::Film)?;

@@ -111,7 +111,7 @@ pub(crate) fn image(surface: &Surface) -> Result<Image, PngError> {
 }
 
 /// Width and height in pixels of a size in units.
-fn pixels_of(size: [f64; 2]) -> Result<[usize; 2], PngError> {
+pub(crate) fn pixels_of(size: [f64; 2]) -> Result<[usize; 2], PngError> {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "charts have some hundred units")]
     let [w, h] = size.map(|x| x.max(0.0) as usize * SCALE);
     if w == 0 || h == 0 || w.checked_mul(h).is_none_or(|n| n > LARGEST) {
