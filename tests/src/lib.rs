@@ -5,13 +5,12 @@ pub mod fuzz;
 pub mod mutants;
 pub mod plate;
 pub mod ranks;
+mod side_by_side;
 pub mod verification;
 
-use std::{
-    path::{Path, PathBuf},
-    sync::atomic::{AtomicUsize, Ordering},
-    thread,
-};
+pub use side_by_side::side_by_side;
+
+use std::path::{Path, PathBuf};
 
 use wfl::{Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, parse_expr, render, resolve};
 use wfl_compiler::backend::KernelBackend;
@@ -43,31 +42,6 @@ impl Loader for Edited<'_> {
 
 fn edited(text: String, edits: &[(&str, String)]) -> String {
     edits.iter().fold(text, |t, (from, to)| t.replace(from, to))
-}
-
-/// What `f` finds for each item, in order; as many at a time as there are processors.
-///
-/// # Panics
-/// If `f` does for an item.
-pub fn side_by_side<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let next = AtomicUsize::new(0);
-    let one_after_another = || {
-        let mut found = Vec::new();
-        loop {
-            let k = next.fetch_add(1, Ordering::Relaxed);
-            match items.get(k) {
-                Some(item) => found.push((k, f(item))),
-                None => return found,
-            }
-        }
-    };
-    let at_a_time = thread::available_parallelism().map_or(1, |n| n.get());
-    let mut all: Vec<(usize, R)> = thread::scope(|scope| {
-        let workers: Vec<_> = (0..at_a_time).map(|_| scope.spawn(one_after_another)).collect();
-        workers.into_iter().flat_map(|w| w.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
-    });
-    all.sort_by_key(|(k, _)| *k);
-    all.into_iter().map(|(_, found)| found).collect()
 }
 
 /// The folder of the examples.

@@ -2,37 +2,16 @@
 #![allow(dead_code, reason = "each suite takes a part of it")]
 
 mod folder;
+#[path = "../../../../tests/src/side_by_side.rs"]
+#[allow(unreachable_pub, reason = "the file belongs to a library, too")]
+mod side_by_side;
 
-use std::{
-    path::Path,
-    sync::atomic::{AtomicUsize, Ordering},
-    thread,
-};
+use std::path::Path;
 
 #[allow(unused_imports, reason = "some suites need no folder")]
 pub(crate) use folder::Folder;
-
-/// What `f` finds for each item, in order; as many at a time as there are processors.
-pub(crate) fn side_by_side<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let next = AtomicUsize::new(0);
-    let one_after_another = || {
-        let mut found = Vec::new();
-        loop {
-            let k = next.fetch_add(1, Ordering::Relaxed);
-            match items.get(k) {
-                Some(item) => found.push((k, f(item))),
-                None => return found,
-            }
-        }
-    };
-    let at_a_time = thread::available_parallelism().map_or(1, |n| n.get());
-    let mut all: Vec<(usize, R)> = thread::scope(|scope| {
-        let workers: Vec<_> = (0..at_a_time).map(|_| scope.spawn(one_after_another)).collect();
-        workers.into_iter().flat_map(|w| w.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
-    });
-    all.sort_by_key(|(k, _)| *k);
-    all.into_iter().map(|(_, found)| found).collect()
-}
+#[allow(unused_imports, reason = "some suites have one case at a time")]
+pub(crate) use side_by_side::side_by_side;
 
 /// A block on a rough floor, pressed on it and pulled along it by more than friction holds; `gamma` is a parameter.
 pub(crate) const ROUGH_FLOOR: &str = "\
