@@ -4,7 +4,6 @@
 mod campaign;
 mod judged;
 mod pattern;
-mod speed;
 
 use std::path::Path;
 

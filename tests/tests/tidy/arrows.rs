@@ -132,7 +132,7 @@ pub(super) const ARROWS: &[(&str, &str, &[&str])] = &[
     (
         "wfl-tests",
         "tests",
-        &["wfl", "wfl-compiler", "wfl-jit", "wfl-report", "wfl-runtime", "serde", "serde_json", "proptest"],
+        &["wfl", "wfl-compiler", "wfl-jit", "wfl-report", "wfl-runtime", "rayon", "serde", "serde_json", "proptest"],
     ),
 ];
 

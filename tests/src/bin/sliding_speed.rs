@@ -1,6 +1,6 @@
 //! Faces per second of a term whose images move, on one thread and in its processor time: search, residual, tangent.
 //!
-//! `cargo test --workspace --test sliding -- --ignored --nocapture faces_a_second`
+//! `cargo run --release -p wfl-tests --bin sliding_speed`
 
 use std::{
     io::Write as _,
@@ -58,9 +58,7 @@ fn seconds(mut pass: impl FnMut(usize)) -> f64 {
     (0..3).map(|k| round(k, &mut pass)).fold(f64::INFINITY, f64::min)
 }
 
-#[test]
-#[ignore = "prints what it measures; no processor is so quiet that a bound would hold"]
-fn faces_a_second_of_search_residual_and_tangent() {
+fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     for (name, text) in [("plane", scene(PLANE, "y", 2)), ("space", scene(SPACE, "z", 3))] {
         let backend = JitBackend::new().expect("machine code");
