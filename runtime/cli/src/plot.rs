@@ -39,6 +39,11 @@ fn made(args: &PlotArgs) -> Result<String, String> {
             return Err(format!("error: {name} is no name of a .{ending} file\n{help}"));
         }
     }
+    let real = |folder: &PathBuf| folder.canonicalize().unwrap_or_else(|_| folder.clone());
+    let twice = (1..args.folders.len()).find(|k| args.folders[..*k].iter().any(|f| real(f) == real(&args.folders[*k])));
+    if let Some(k) = twice {
+        return Err(format!("error: {} is named twice\n", args.folders[k].display()));
+    }
     let mut runs = Vec::with_capacity(args.folders.len());
     for folder in &args.folders {
         runs.push(RunFolder::read(folder).map_err(|e| explained(&e))?);

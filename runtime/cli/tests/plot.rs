@@ -336,6 +336,11 @@ fn measures_over_measures_are_curves_of_several_runs() {
     assert!(folder.0.join("F_over_t.png").exists());
     let told = folder.told(&["plot", "soft", "--over", "q:d"]);
     assert!(told.contains("no measure `q`") && told.contains("there is F, d, t"), "{told}");
+    folder.write("words.csv", "d,F\n0.01,much\n");
+    let told = folder.told(&["plot", "soft", "--over", "F:d", "--with", "words.csv"]);
+    assert!(told.contains("`words.csv` is no table: line 2") && !told.contains("run the scene again"), "{told}");
+    let told = folder.told(&["plot", "soft", "./soft", "--over", "F:d"]);
+    assert!(told.contains("./soft is named twice"), "{told}");
     let told = folder.told(&["plot", "soft", "--over", "F:d", "--with", "none.csv"]);
     assert!(told.contains("none.csv"), "{told}");
 }

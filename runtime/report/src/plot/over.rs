@@ -5,7 +5,11 @@ use std::path::Path;
 use wfl_charts::{Chart, Colour, Scale, Series};
 
 use super::PlotError;
-use crate::{folder::RunFolder, picture::Picture, table::Columns};
+use crate::{
+    folder::{ReportError, RunFolder},
+    picture::Picture,
+    table::Columns,
+};
 
 /// What is drawn over what: `F:d`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,7 +46,10 @@ pub fn over(runs: &[RunFolder], over: &Over, with: &[&Path]) -> Result<Picture, 
         chart = chart.line_points(Series::new(name, points));
     }
     for (k, file) in with.iter().enumerate() {
-        let columns = Columns::foreign(file)?;
+        let columns = Columns::foreign(file).map_err(|error| match error {
+            ReportError::Damaged { what, .. } => PlotError::Unfit(format!("`{}` is no table: {what}", file.display())),
+            other => other.into(),
+        })?;
         let [x, y, ..] = columns.values.as_slice() else {
             let what = format!("`{}` has fewer than two columns", file.display());
             return Err(PlotError::Unfit(what));
