@@ -53,6 +53,11 @@ pub(super) fn no_whole_measure(name: &str) -> Box<Diagnostic> {
 
 /// No such measure.
 pub(super) fn no_result(script: &ResolvedScript, name: &str, names: &[&str]) -> Box<Diagnostic> {
+    if let Some(computed) = script.computed.iter().find(|c| c.name.name == name) {
+        let d = message(format!("`{name}` is made of measures: it has no derivative yet"));
+        let help = "the measures in it have derivatives; those of a quotient or product follow from them";
+        return Box::new(d.at(computed.expr.span, "this number").help(help));
+    }
     let help = match script.energies().iter().any(|e| e == name) {
         true => "the balance of energy has no derivatives yet: a measure of the energy itself has them".to_owned(),
         false => known(name, names, "measure"),
