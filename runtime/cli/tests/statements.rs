@@ -122,6 +122,12 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("fix u = [0,0] on west\nload u = [1,0] on east\nquadrature on east degree 9", "", &[]),
     ("fix u = [0,0] on west\nquadrature on all degree 4\nquadrature on all degree 6", "E434", &["`all`"]),
     ("fix u = [0,0] on west\nterm none on all : 0*u.Test_u", "W411", &["zero for all"]),
+    ("fix u = [0,0] on east\nload u = [0.1*x,0] on west", "W411", &["a load that is zero", "in all steps"]),
+    (
+        "fix u = [0,0] on west\nload u = [if t > 3 then y else 0,0] on east\nsteps t = 0 to 1 by 0.5",
+        "W411",
+        &["a load that is zero"],
+    ),
     ("fix u = [0,0] on west\nterm off on all : k*u.Test_u", "", &[]),
     (
         "fix u = [0,0] on west\nregion up = cells where y > 0.5 and x > 0.5\nregion down = cells where y < 0.5\nregion slit = interface from up to down\nsplit u across slit",

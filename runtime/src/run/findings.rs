@@ -1,14 +1,14 @@
-//! What the steps of a run give cause to doubt: too few digits, conditions of mechanics that do not hold, states beside the
-//! one that was found. Each finding is made once, as a message with its place in the scene and what helps; a terminal, a
-//! report and a binding show the same. Decides nothing about the steps.
+//! What a run gives cause to doubt at its end: too few digits, conditions of mechanics that do not hold, states beside the one
+//! that was found. [`CHECKS`] is the list of all that is looked at; a terminal, a report and a binding show what it finds.
+//! Each finding is made once, as a message with its place in the scene and what helps. Decides nothing about the steps.
 
 use wfl::{Code, Diagnostic};
 
-use super::{Others, PhysicsCheck, StepResult, friction};
+use super::{Others, PhysicsCheck, Run, StepResult, ended::Ended, friction, leaving, watched};
 use crate::{
     checks::{About, NarrowZone, TurnedCells, Unstable, Zigzag},
     finite::position,
-    scene::Scene,
+    scene::{self, Scene},
 };
 
 /// A result with fewer correct digits is warned of.
@@ -19,16 +19,59 @@ pub(super) const FEW_DIGITS: f64 = 3.0;
 const LABORIOUS: usize = 10;
 const FEW_ITERATIONS: usize = 3;
 
-/// What gives cause to doubt the numbers of these steps.
-pub(super) fn of_steps(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
-    let mut out: Vec<Diagnostic> = few_digits(scene, steps).into_iter().chain(displaced(steps)).collect();
-    out.extend(turned(steps).map(|(time, cells)| of_turned(scene, time, cells)));
-    out.extend(narrow(scene, steps));
-    out.extend(zigzags(scene, steps));
-    out.extend(friction::findings(scene, steps));
-    out.extend(several(steps).into_iter().chain(unstable(steps)).chain(laborious(steps)));
-    let broken = worst_checks(steps).into_iter().filter(|(_, check)| !check.holds());
-    out.extend(broken.map(|(time, check)| of_check(scene, time, check)));
+/// What is looked at when a run has ended.
+struct Check {
+    /// The codes of its messages: no other check has them.
+    codes: &'static [Code],
+    look: fn(&Ended<'_>) -> Vec<Diagnostic>,
+}
+
+/// Everything that is looked at, in the order in which it is told.
+const CHECKS: &[Check] = &[
+    Check { codes: &[Code::W605], look: |run| few_digits(run.scene, &run.run.steps).into_iter().collect() },
+    Check { codes: &[Code::W607], look: |run| displaced(&run.run.steps).into_iter().collect() },
+    Check { codes: &[Code::W616], look: |run| turned_cells(run.scene, &run.run.steps) },
+    Check { codes: &[Code::W617], look: |run| narrow(run.scene, &run.run.steps) },
+    Check { codes: &[Code::W520], look: |run| zigzags(run.scene, &run.run.steps) },
+    Check {
+        codes: &[Code::W615, Code::W630, Code::W631],
+        look: |run| friction::findings(run.scene, &run.run.steps).collect(),
+    },
+    Check { codes: &[Code::W609], look: |run| several(&run.run.steps).into_iter().collect() },
+    Check { codes: &[Code::W640], look: |run| unstable(&run.run.steps).into_iter().collect() },
+    Check { codes: &[Code::W641], look: |run| laborious(&run.run.steps).into_iter().collect() },
+    Check { codes: &[Code::W606], look: |run| broken_conditions(run.scene, &run.run.steps) },
+    Check { codes: &[Code::W645], look: watched::large_strains },
+    Check { codes: &[Code::W646], look: watched::distant_contacts },
+    Check { codes: &[Code::W647], look: watched::growth },
+    Check { codes: &[Code::W648], look: watched::locked_bending },
+    Check { codes: &[Code::W649], look: watched::alternating },
+    Check { codes: &[Code::W632, Code::W670], look: watched::lost_images },
+    Check { codes: &[Code::W610], look: |run| bad_measures(run.run) },
+    Check { codes: &[Code::W620], look: |run| leaving::lost(run).into_iter().collect() },
+    Check { codes: &[Code::W650], look: unbalanced },
+    Check {
+        codes: &[Code::W621],
+        look: |run| run.run.stepper.stability.told(|| run.scene.steps.longest_increment()).into_iter().collect(),
+    },
+    Check {
+        codes: &[Code::W618],
+        look: |run| {
+            let unestimated = run.run.unestimated(run.scene).filter(|_| run.is_done);
+            run.run.forced(run.scene).into_iter().chain(unestimated).collect()
+        },
+    },
+    Check { codes: &[Code::W619], look: |run| run.run.unlimited(run.scene).into_iter().collect() },
+];
+
+/// What gives cause to doubt the numbers of a run.
+pub(super) fn of_run(run: &Ended<'_>) -> Vec<Diagnostic> {
+    let mut out = Vec::new();
+    for check in CHECKS {
+        let found = (check.look)(run);
+        debug_assert!(found.iter().all(|d| check.codes.contains(&d.code)), "{:?}: {found:?}", check.codes);
+        out.extend(found);
+    }
     out
 }
 
@@ -64,7 +107,12 @@ fn displaced(steps: &[StepResult]) -> Option<Diagnostic> {
     Some(Diagnostic::new(Code::W607, text))
 }
 
-/// W606.
+/// W606 for each condition, at the step at which it holds least.
+fn broken_conditions(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
+    let broken = worst_checks(steps).into_iter().filter(|(_, check)| !check.holds());
+    broken.map(|(time, check)| of_check(scene, time, check)).collect()
+}
+
 fn of_check(scene: &Scene, time: f64, check: &PhysicsCheck) -> Diagnostic {
     let PhysicsCheck { name, about, value, limit, detail } = check;
     let text = format!("{name}: {value:.1e} at t = {time}, at most {limit:.0e} expected");
@@ -76,6 +124,11 @@ fn of_check(scene: &Scene, time: f64, check: &PhysicsCheck) -> Diagnostic {
     Diagnostic::new(Code::W606, text).at_or_note(place, detail)
 }
 
+/// W616.
+fn turned_cells(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
+    turned(steps).map(|(time, cells)| of_turned(scene, time, cells)).collect()
+}
+
 /// By term the first step in which cells turned inside out.
 fn turned(steps: &[StepResult]) -> impl Iterator<Item = (f64, &TurnedCells)> {
     let all = || steps.iter().flat_map(|s| s.turned.iter().map(|cells| (s.time, cells)));
@@ -83,7 +136,6 @@ fn turned(steps: &[StepResult]) -> impl Iterator<Item = (f64, &TurnedCells)> {
     all().enumerate().filter(move |(at, (_, cells))| is_first(*at, cells)).map(|(_, found)| found)
 }
 
-/// W616.
 fn of_turned(scene: &Scene, time: f64, cells: &TurnedCells) -> Diagnostic {
     let TurnedCells { term, field, volumes } = cells;
     let text = format!(
@@ -101,9 +153,9 @@ fn of_turned(scene: &Scene, time: f64, cells: &TurnedCells) -> Diagnostic {
 }
 
 /// W617 for zones of contact of the last step that cover no face.
-fn narrow(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnostic> {
+fn narrow(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
     let zones = steps.last().into_iter().flat_map(|s| s.narrow.iter().map(|zone| (s.time, zone)));
-    zones.map(move |(time, NarrowZone { term, faces })| {
+    let told = zones.map(move |(time, NarrowZone { term, faces })| {
         let text = format!(
             "at t = {time} `{term}` presses at points of {} of its {} faces, and on none of them at all points",
             faces.some, faces.of
@@ -112,11 +164,12 @@ fn narrow(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnosti
         Diagnostic::new(Code::W617, text)
             .at_or_note(scene.place_of_term(term), rule)
             .help("smaller faces there resolve it")
-    })
+    });
+    told.collect()
 }
 
 /// W520: by term the step in which its pressures alternate most.
-fn zigzags(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnostic> {
+fn zigzags(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
     let mut worst: Vec<(f64, &Zigzag)> = Vec::new();
     for (time, zigzag) in steps.iter().flat_map(|s| s.zigzags.iter().map(|z| (s.time, z))) {
         match worst.iter_mut().find(|w| w.1.term == zigzag.term) {
@@ -125,7 +178,7 @@ fn zigzags(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnost
             None => worst.push((time, zigzag)),
         }
     }
-    worst.into_iter().map(move |(time, Zigzag { term, size })| {
+    let told = worst.into_iter().map(move |(time, Zigzag { term, size })| {
         let text = format!(
             "at t = {time} the pressures of `{term}` alternate from point to point by about {:.0} % of their mean, on {:.0} % \
              of the zone of contact",
@@ -139,7 +192,8 @@ fn zigzags(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnost
             )
             .help("leave `quadrature` out there, or `vertex`; through a mapping a smaller gamma")
             .help("smaller faces resolve a gap that varies")
-    })
+    });
+    told.collect()
 }
 
 /// W609: the strongest of what says that a state has others beside it.
@@ -200,4 +254,30 @@ fn laborious(steps: &[StepResult]) -> Option<Diagnostic> {
             .note("it may have ended in another state than that which the steps before lead to")
             .help("compare its measures with those of smaller steps")
     })
+}
+
+/// W610 for measures that are no numbers.
+fn bad_measures(run: &Run) -> Vec<Diagnostic> {
+    run.bad.iter().map(|bad| Diagnostic::new(Code::W610, bad.text())).collect()
+}
+
+/// W650.
+fn unbalanced(run: &Ended<'_>) -> Vec<Diagnostic> {
+    let floor = |s: &StepResult| s.history.iterations.last().map_or(0.0, |i| i.floor);
+    let ended = run.run.steps.iter().map(|s| scene::Ended { time: s.time, measures: &s.measures, floor: floor(s) });
+    scene::unbalanced(run.scene, ended)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_check_has_codes_of_its_own() {
+        let mut codes: Vec<Code> = CHECKS.iter().flat_map(|check| check.codes).copied().collect();
+        let n = codes.len();
+        codes.sort_unstable();
+        codes.dedup();
+        assert_eq!(codes.len(), n, "{codes:?}");
+    }
 }

@@ -10,6 +10,7 @@ use wfl_compiler::{
 
 use super::{
     balance::Balance,
+    ended::Ended,
     rates::{self, StepTime},
     stepping::Stepper,
     trajectory::Passed,
@@ -69,13 +70,11 @@ impl Stepper {
     }
 }
 
-/// W620 for a run that loses more energy than the scene allows, or whose contact does: steps by the step variable and
-/// their measures, and the balance at the end.
-pub(super) fn lost<'s>(
-    scene: &Solving<'_>,
-    balance: Option<&Balance>,
-    steps: impl Iterator<Item = (f64, &'s [(String, f64)])>,
-) -> Option<Diagnostic> {
+/// W620 for a run that loses more energy than the scene allows, or whose contact does.
+pub(super) fn lost(run: &Ended<'_>) -> Option<Diagnostic> {
+    let Ended { scene, run, .. } = run;
+    let steps = run.steps.iter().map(|s| (s.time, s.measures.as_slice()));
+    let balance = run.stepper.balance.as_ref();
     let energy = scene.energy.as_ref()?;
     let names = energy.measures();
     let lost = names.last().expect("the last is what is lost");

@@ -10,6 +10,7 @@ mod attempts;
 mod balance;
 mod checkpoint;
 mod control;
+mod ended;
 mod events;
 mod explicit;
 mod files;

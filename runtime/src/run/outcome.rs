@@ -6,17 +6,15 @@ use wfl::{Code, Diagnostic};
 
 use super::{
     Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult, Trajectory,
+    ended::Ended,
     events::episodes,
     files::{StepFiles, write_measures},
-    findings, folder, friction,
-    leaving::lost,
-    others, report,
+    findings, folder, friction, others, report,
 };
 use crate::{
     finite::BadMeasure,
-    newton::Stop,
     output::{self, EventReport, OutputDir, Piece, Real, Report, State, write_csv, write_report, write_vtu},
-    scene::{Ended, Equations, Scene, Solving, VtkOutput, unbalanced},
+    scene::{Equations, Scene, Solving, VtkOutput},
 };
 
 /// What a run ends with.
@@ -119,21 +117,7 @@ impl Run {
         let mut known = last;
         events.iter().for_each(|(name, episodes)| known.extend(numbers_of(name, episodes)));
         let (expectations, diagnostics) = if done { scene.expectations(&known) } else { (Vec::new(), Vec::new()) };
-        let mut warnings = findings::of_steps(scene, &self.steps);
-        let solved = |s: &&StepResult| s.history.converged() && s.history.stop != Some(Stop::Given);
-        warnings.extend(self.watched.told(scene, &self.u, self.steps.iter().filter(solved).count()));
-        warnings.extend(self.bad.iter().map(|bad| Diagnostic::new(Code::W610, bad.text())));
-        let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
-        let balance = self.stepper.balance.as_ref();
-        warnings.extend(lost(scene, balance, measured));
-        let floor = |s: &StepResult| s.history.iterations.last().map_or(0.0, |i| i.floor);
-        let ended = self.steps.iter().map(|s| Ended { time: s.time, measures: &s.measures, floor: floor(s) });
-        warnings.extend(unbalanced(scene, ended));
-        let longest = || scene.steps.longest_increment();
-        warnings.extend(self.stepper.stability.told(longest));
-        warnings.extend(self.forced(scene));
-        warnings.extend(self.unestimated(scene).filter(|_| done));
-        warnings.extend(self.unlimited(scene));
+        let warnings = findings::of_run(&Ended { scene, run: &self, is_done: done });
         let mut report = report::report(scene, options, &self, &expectations);
         report.warnings.extend(warnings.iter().map(|d| format!("{}: {}", d.code, d.line())));
         let event = |e: &Episode| EventReport { begin: Real(e.begin), end: e.end.map(Real) };
@@ -167,7 +151,7 @@ impl Run {
     }
 
     /// W618 for steps whose error was too large and could not be made smaller.
-    fn forced(&self, scene: &Scene) -> Option<Diagnostic> {
+    pub(super) fn forced(&self, scene: &Scene) -> Option<Diagnostic> {
         let rules = scene.steps.auto.as_ref()?;
         let forced = |s: &&StepResult| {
             let too_large = |a: &Attempt| matches!(a.end, AttemptEnd::Forced(_));
@@ -183,7 +167,7 @@ impl Run {
     }
 
     /// W618 for a run whose steps are too few for an estimate of their error.
-    fn unestimated(&self, scene: &Scene) -> Option<Diagnostic> {
+    pub(super) fn unestimated(&self, scene: &Scene) -> Option<Diagnostic> {
         let rules = scene.steps.auto.as_ref()?;
         // the state where time starts is no step
         let count = self.steps.len().checked_sub(1).filter(|n| (1..FEWEST).contains(n))?;
@@ -194,7 +178,7 @@ impl Run {
     }
 
     /// W619 for states behind which `limit` was no positive number.
-    fn unlimited(&self, scene: &Scene) -> Option<Diagnostic> {
+    pub(super) fn unlimited(&self, scene: &Scene) -> Option<Diagnostic> {
         let rules = scene.steps.auto.as_ref().filter(|rules| rules.limit.is_some())?;
         // behind the last state no step follows
         let stop = scene.steps.last();

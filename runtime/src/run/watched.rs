@@ -6,7 +6,7 @@
 
 use wfl::{Code, Diagnostic};
 
-use super::growth::Growth;
+use super::{ended::Ended, growth::Growth};
 use crate::{
     checks::{self, Alternating, DistantContact, LargeStrain, PorePressure},
     contact::{Images, images},
@@ -63,8 +63,8 @@ impl WatchedImages {
         self.last = now;
     }
 
-    /// What there is to say at the end; `is_whole` where all steps were looked at.
-    fn told(&self, scene: &Solving<'_>, is_whole: bool) -> Vec<Diagnostic> {
+    /// What there is to say at the end; that there never was an image where `all` steps were looked at.
+    fn told(&self, scene: &Solving<'_>, all: bool) -> Vec<Diagnostic> {
         let name = |term: usize| &scene.system.terms[term].law.name;
         let lost = self.lost.iter().map(|(time, term, [lost, all])| {
             let name = name(*term);
@@ -77,7 +77,7 @@ impl WatchedImages {
                 .note("their force is gone from one step to the next")
                 .help("smaller steps, a larger `within`, or faces of the other body that reach further")
         });
-        let never = self.last.iter().filter(|images| is_whole && !self.found.contains(&images.term)).map(|images| {
+        let never = self.last.iter().filter(|images| all && !self.found.contains(&images.term)).map(|images| {
             let name = name(images.term);
             let text = "its rays, along the normal of the current faces, never met the other body from the front and within \
                         the distance of `within`";
@@ -132,26 +132,49 @@ impl Watched {
         }
     }
 
-    /// What there is to say at the end of a run of this many steps, some of which are those of a state that was given.
-    pub(super) fn told(&self, scene: &Solving<'_>, u: &[f64], n_solved: usize) -> Vec<Diagnostic> {
-        // where lengths have no unit a linear body may be in any; a velocity is no displacement
-        let unit = |s: &LargeStrain| scene.declared_field(&s.field).and_then(|field| field.is_length);
-        let sized = |s: &&(f64, LargeStrain)| unit(&s.1).unwrap_or(s.1.has_memory);
-        let mut out: Vec<Diagnostic> =
-            self.strained.iter().filter(sized).map(|(time, s)| strained(scene, *time, s)).collect();
-        if n_solved == self.n && self.n > 0 {
-            let distant = self.kept.iter().flat_map(|k| &k.distant);
-            out.extend(distant.map(|d| far_apart(scene, d)));
-            out.extend(self.growth.told(scene));
-        }
-        if self.n > 0 {
-            let locked = checks::locked_bending(scene.system, u);
-            out.extend(locked.iter().map(|l| locked_bending(scene, l)));
-        }
-        out.extend(self.alternating.iter().map(|(time, a)| alternates(scene, *time, a)));
-        out.extend(self.images.told(scene, n_solved == self.n && self.n > 0));
-        out
+    /// Steps that were looked at.
+    pub(super) fn n(&self) -> usize {
+        self.n
     }
+}
+
+/// W645 for bodies beyond their law.
+pub(super) fn large_strains(run: &Ended<'_>) -> Vec<Diagnostic> {
+    // where lengths have no unit a linear body may be in any; a velocity is no displacement
+    let unit = |s: &LargeStrain| run.scene.declared_field(&s.field).and_then(|field| field.is_length);
+    let sized = |s: &&(f64, LargeStrain)| unit(&s.1).unwrap_or(s.1.has_memory);
+    run.run.watched.strained.iter().filter(sized).map(|(time, s)| strained(run.scene, *time, s)).collect()
+}
+
+/// W646 for contact that never closes.
+pub(super) fn distant_contacts(run: &Ended<'_>) -> Vec<Diagnostic> {
+    let watched = run.run.watched.kept.as_ref().filter(|_| run.has_seen_all());
+    watched.iter().flat_map(|kept| &kept.distant).map(|distant| far_apart(run.scene, distant)).collect()
+}
+
+/// W647 for unknowns that grow without end.
+pub(super) fn growth(run: &Ended<'_>) -> Vec<Diagnostic> {
+    let growth = &run.run.watched.growth;
+    if run.has_seen_all() { growth.told(run.scene).into_iter().collect() } else { Vec::new() }
+}
+
+/// W648 for elements that do not bend, in the last state.
+pub(super) fn locked_bending(run: &Ended<'_>) -> Vec<Diagnostic> {
+    if run.run.watched.n == 0 {
+        return Vec::new();
+    }
+    let locked = checks::locked_bending(run.scene.system, &run.run.u);
+    locked.iter().map(|locked| bends(run.scene, locked)).collect()
+}
+
+/// W649 for pressures that alternate from node to node.
+pub(super) fn alternating(run: &Ended<'_>) -> Vec<Diagnostic> {
+    run.run.watched.alternating.iter().map(|(time, found)| alternates(run.scene, *time, found)).collect()
+}
+
+/// W632 and W670 for images that were lost, or never found.
+pub(super) fn lost_images(run: &Ended<'_>) -> Vec<Diagnostic> {
+    run.run.watched.images.told(run.scene, run.has_seen_all())
 }
 
 /// W645.
@@ -179,7 +202,7 @@ fn far_apart(scene: &Scene, found: &DistantContact) -> Diagnostic {
 }
 
 /// W648.
-fn locked_bending(scene: &Scene, found: &checks::LockedBending) -> Diagnostic {
+fn bends(scene: &Scene, found: &checks::LockedBending) -> Diagnostic {
     let text = format!(
         "{:.0} % of its energy of deformation are in the shear and the jumps of strain of single cells, and displacements are \
          too small by about that part",

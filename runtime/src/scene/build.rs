@@ -202,6 +202,9 @@ impl Builder<'_> {
 
         let begin = Instant::now();
         let values = self.values(&numbered, &rules);
+        if let Some(made) = numbered.assembled.as_ref().filter(|_| self.mesh.is_whole()) {
+            self.zero_loads(made, values.steps.as_ref());
+        }
         if numbered.assembled.is_none() || self.diagnostics.iter().any(Diagnostic::is_error) {
             self.outputs(&rules, values.steps.as_ref());
             return None;

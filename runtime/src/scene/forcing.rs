@@ -178,7 +178,7 @@ impl Builder<'_> {
     }
 
     /// The value of an expression of positions and the step variable; `None` for others.
-    fn of_positions(&self, e: &Expr) -> Option<Value> {
+    pub(super) fn of_positions(&self, e: &Expr) -> Option<Value> {
         let law = compile_value(self.env, &position_place(self.env.fields.len()), "a formula", e).value?;
         let of_time = law.prologue.slots.iter().all(|s| *s == UniformSlot::Time);
         let value = Value::new(law, &InterpreterBackend).ok().filter(|_| of_time)?;

@@ -61,6 +61,7 @@ mod surfaces;
 mod tables;
 mod terms;
 mod twice;
+mod zero_loads;
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashSet},

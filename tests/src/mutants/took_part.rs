@@ -50,8 +50,7 @@ pub fn idle_statements(mutant: &Mutant, steps: &[StepResult]) -> Vec<String> {
         without.statements.remove(at);
         let Some(less) = traces(&without, steps) else { continue };
         // a term that is zero everywhere says so itself, as does a load of zero
-        let is_zero_load = || is_of_zero(statement) || is_of_positions(statement);
-        let says_zero = matches!(kind, "term" | "energy" | "start") || (kind == "load" && is_zero_load());
+        let says_zero = matches!(kind, "term" | "energy" | "start") || (kind == "load" && is_of_zero(statement));
         let is_zero = says_zero && whole.1 == less.1;
         if whole.0 == less.0 && !is_zero {
             found.push(format!("takes no part: {statement}"));
@@ -65,13 +64,6 @@ fn is_of_zero(statement: &str) -> bool {
     let value = statement.split_once('=').and_then(|(_, v)| v.rsplit_once(" on ")).map_or("", |(v, _)| v);
     let is_zero = |factor: &str| factor.trim_matches(['(', ')', '[', ']', ' ']).parse() == Ok(0.0);
     !value.is_empty() && value.split([',', ';']).all(|entry| entry.split('*').any(is_zero))
-}
-
-/// True for `load u = 0.1*x on cold`. Where all of `cold` has x = 0 such a load is zero, and the program does not tell that
-/// yet: it knows formulas, not their values at all points of a region.
-fn is_of_positions(statement: &str) -> bool {
-    let value = statement.split_once('=').and_then(|(_, v)| v.rsplit_once(" on ")).map_or("", |(v, _)| v);
-    value.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').any(|word| ["x", "y", "z", "X"].contains(&word))
 }
 
 /// What follows from the statements, and the residual of all dofs; `None` for a scene that is refused.

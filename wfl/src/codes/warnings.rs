@@ -52,7 +52,7 @@ pages! {
         W411,
         "a statement without effect",
         "The statement does not change any result: a quadrature rule where nothing is integrated, a term that is zero, \
-         an initial guess where every value is prescribed, steps whose variable is not used. Often the name or the \
+         a load whose formula is zero on its whole region in all steps, an initial guess where every value is prescribed, steps whose variable is not used. Often the name or the \
          region is a wrong one.",
         "quadrature on west degree 9",
         "quadrature on all degree 9",
