@@ -54,7 +54,7 @@ fn value_there(g: &Graph, e: ExprId) -> Option<FieldId> {
 }
 
 /// The operands of a node that is linear in them, with their factors; none for other nodes.
-fn summands(g: &Graph, e: ExprId) -> Vec<(f64, ExprId)> {
+pub(crate) fn summands(g: &Graph, e: ExprId) -> Vec<(f64, ExprId)> {
     match *g.node(e) {
         Node::Add(a, b) => vec![(1.0, a), (1.0, b)],
         Node::Sub(a, b) => vec![(1.0, a), (-1.0, b)],
@@ -66,7 +66,7 @@ fn summands(g: &Graph, e: ExprId) -> Vec<(f64, ExprId)> {
 }
 
 /// The sums that are no summands of a larger one only.
-fn sums(g: &Graph, root: ExprId, order: &[ExprId]) -> Vec<ExprId> {
+pub(crate) fn sums(g: &Graph, root: ExprId, order: &[ExprId]) -> Vec<ExprId> {
     let mut outermost = BTreeSet::from([root]);
     for e in order {
         if summands(g, *e).is_empty() {

@@ -32,6 +32,7 @@ mod lower;
 mod math;
 mod matrix_fn;
 mod ops;
+mod positions;
 mod print;
 mod random;
 mod real;

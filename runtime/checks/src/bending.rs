@@ -74,7 +74,8 @@ pub fn locked_bending(system: &System, u: &[f64]) -> Vec<LockedBending> {
             && system.range(*k).is_some()
     };
     let fields: Vec<usize> = (0..system.fields.len()).filter(|k| dim > 1 && system.mesh.is_whole() && low(k)).collect();
-    fields.into_iter().filter_map(|k| locked(system, k, u)).collect()
+    let bent = fields.into_iter().filter(|k| !system.is_rounding_of_positions(u, *k));
+    bent.filter_map(|k| locked(system, k, u)).collect()
 }
 
 fn locked(system: &System, field: usize, u: &[f64]) -> Option<LockedBending> {

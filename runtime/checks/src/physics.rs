@@ -153,28 +153,33 @@ pub fn balance(state: Solved<'_>, tolerance: f64, turning: Option<&Vec<String>>)
 ///
 /// # Errors
 /// [`TermError`] with its place.
-pub fn rests(system: &System, u: &[f64], form: &Form<'_>) -> Result<bool, TermError> {
+pub fn rests(state: Solved<'_>, form: &Form<'_>) -> Result<bool, TermError> {
+    let Solved { system, u, .. } = state;
     let mut still = u.to_vec();
     system.numbering.part_of_free(0.0, &mut still);
-    if is_balanced(system, &still, form)? {
+    let positions = system.sizes_of_positions(state.tangent);
+    let of_positions = if positions.is_empty() { Vec::new() } else { system.largest_of_groups(&positions) };
+    if is_balanced(system, &still, form, &of_positions)? {
         return Ok(true);
     }
     let mut held = u.to_vec();
     for range in displacement_groups(system).iter().flatten().filter_map(|k| system.range(*k)) {
         held[range.clone()].copy_from_slice(&still[range]);
     }
-    is_balanced(system, &held, form)
+    is_balanced(system, &held, form, &of_positions)
 }
 
-/// True if the forces on all free dofs are zero, or rounding beside the largest that their fields are made of.
-fn is_balanced(system: &System, u: &[f64], form: &Form<'_>) -> Result<bool, TermError> {
+/// True if the forces on all free dofs are zero, or rounding beside the largest that their fields are made of; where laws add
+/// unknowns to positions, beside the stiffness times the positions by field.
+fn is_balanced(system: &System, u: &[f64], form: &Form<'_>, of_positions: &[f64]) -> Result<bool, TermError> {
     let residual = system.residual(u, form)?.values;
     let free = &system.numbering.free_dofs;
     if system.team().all(free.iter().all(|d| residual[*d as usize] == 0.0)) {
         return Ok(true);
     }
     let parts = system.largest_of_groups(&system.contributions(u)?);
-    let is_rounding = |d: &u32| residual[*d as usize].abs() <= ROUNDED * parts[system.field_of(*d as usize)];
+    let made_of = |field: usize| parts[field] + of_positions.get(field).copied().unwrap_or(0.0);
+    let is_rounding = |d: &u32| residual[*d as usize].abs() <= ROUNDED * made_of(system.field_of(*d as usize));
     Ok(system.team().all(free.iter().all(is_rounding)))
 }
 

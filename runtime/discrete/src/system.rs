@@ -18,6 +18,7 @@ mod known;
 mod linear;
 mod node_layout;
 mod numbering;
+mod positions;
 mod residual;
 mod shared;
 mod sizes;
@@ -32,6 +33,7 @@ pub use known::{Known, Past};
 use linear::LinearMatrix;
 pub use linear::Redistribution;
 pub use numbering::{FIXED, Numbering, Tie};
+use positions::Placed;
 pub use residual::Residual;
 use shared::Counts;
 use sizes::meeting_fields;
@@ -111,6 +113,7 @@ pub struct System {
     meets: Vec<usize>,
     /// Of the mesh along the axis where it is the largest.
     extent: f64,
+    placed: Placed,
     /// What is done although the scene does not need it.
     kept: Vec<Pruning>,
     /// The rows of this rank where several assemble: matrices have no others.
@@ -138,6 +141,7 @@ impl System {
         let (constant, loaded) = (vec![0.0; numbering.n_dofs], vec![false; fields.len()]);
         let meets = meeting_fields(&fields, &terms);
         let (low, high) = mesh.bounds();
+        let placed = Placed::new(&fields, &terms, [low, high]);
         let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         let mut this = Self {
             mesh: Arc::new(mesh),
@@ -159,6 +163,7 @@ impl System {
             steady: None,
             meets,
             extent,
+            placed,
             kept: Vec::new(),
             share: None,
             counts: Counts::default(),

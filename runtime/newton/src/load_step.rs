@@ -172,7 +172,10 @@ impl LoadStep<'_> {
         let system = self.system;
         let written = system.residual(u, &self.form())?;
         let mut sizes = system.sizes(u, &written, self.tangent);
-        let Scales { scales, loaded, no_force } = self.scales(u, &written, &sizes)?;
+        let positions = system.sizes_of_positions(self.tangent);
+        let Scales { scales, loaded, no_force } = self.scales(u, &written, [&sizes, &positions])?;
+        // of scales they are no part: what rounds there is no force
+        sizes.iter_mut().zip(positions).for_each(|(size, position)| *size += position);
         let summands = system.summands(u, &written);
         // against a scale without bound every residual is small
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
@@ -220,20 +223,22 @@ impl LoadStep<'_> {
         Ok(Measured { residual, written, summands, relative, floor, settled, no_force, norm, rounding })
     }
 
-    /// By field what relative residuals are relative to ([`System::scales`]), and whether some fields have no force but
-    /// rounding: then that is relative to what cancels. Where the largest force is so small that rounding hides the
+    /// By field what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether
+    /// some fields have no force but rounding: then that is relative to what cancels. Where the largest force is so small that rounding hides the
     /// tolerance, it is what is left of larger ones, and these are asked for one by one.
-    fn scales(&self, u: &[f64], written: &Residual, sizes: &[f64]) -> Evaluated<Scales> {
+    fn scales(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 2]) -> Evaluated<Scales> {
         let system = self.system;
+        let [sizes, positions] = sizes;
         let mut scales = system.scales(written, sizes);
         let of_forces: Vec<usize> = (0..scales.len())
             .filter(|k| system.range(*k).is_some() && system.fields[*k].kind == FieldKind::Unknown)
             .filter(|k| !system.has_single_equations(*k))
             .collect();
         let (cancels, moved) = (system.largest_of_groups(sizes), system.largest_of_groups(u));
+        let placed = if positions.is_empty() { vec![0.0; scales.len()] } else { system.largest_of_groups(positions) };
         let extent = system.extent();
         let is_hidden = |k: &usize| {
-            let rounding = FLOOR_FACTOR * f64::EPSILON * cancels[*k];
+            let rounding = FLOOR_FACTOR * f64::EPSILON * (cancels[*k] + placed[*k]);
             // a stiffness over the extent: of a gradient beside 1 the rounding is that of 1
             let strained = if moved[*k] > 0.0 { cancels[*k] / moved[*k] * extent } else { 0.0 };
             rounding > self.options.tolerance * scales[*k]
@@ -249,13 +254,13 @@ impl LoadStep<'_> {
         let mut no_force = false;
         for k in of_forces {
             scales[k] = largest_of([scales[k], parts[k]]);
-            let rounding = FLOOR_FACTOR * f64::EPSILON * cancels[k];
+            let rounding = FLOOR_FACTOR * f64::EPSILON * (cancels[k] + placed[k]);
             // loads are known exactly, however small they are, but for those that were rounding already beside the state at
             // the end of the last step: what stores much heat feels no load of 1e-300
             let part = before.as_ref().map_or(0.0, |b| if moved[k] > 0.0 { (b[k] / moved[k]).min(1.0) } else { 0.0 });
             loaded[k] &= scales[k] > rounding * part;
             if !loaded[k] && scales[k] <= rounding {
-                (scales[k], no_force) = (cancels[k], true);
+                (scales[k], no_force) = (cancels[k] + placed[k], true);
             }
         }
         Ok(Scales { scales, loaded, no_force })

@@ -93,7 +93,7 @@ impl Run {
         let doubtful =
             accuracy.as_ref().is_some_and(|a| a.digits() < findings::FEW_DIGITS) || found.iter().any(|c| !c.holds());
         // where the prescribed values alone turn cells inside out, the state of rest is no state at all
-        if doubtful && checks::rests(system, &self.u, &form).unwrap_or(false) {
+        if doubtful && checks::rests(state, &form).unwrap_or(false) {
             // what differs from zero is rounding, and so is every number made of it
             return Ok(Judged { others, unstable, residual, ..Judged::default() });
         }

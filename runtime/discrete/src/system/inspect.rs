@@ -82,9 +82,12 @@ impl System {
 
     /// Whether the values of a field are what rounding leaves of zero: other forces cancel in its equations (the load of an
     /// undrained body and the pressure in its pores), and no displacement is left. They are below `ZERO` of what cancels,
-    /// over the stiffness of each equation.
+    /// over the stiffness of each equation. Or they are what rounding leaves of positions.
     #[must_use]
     pub fn is_zero_but_for_rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent, field: usize) -> bool {
+        if self.is_rounding_of_positions(u, field) {
+            return true;
+        }
         let sizes = self.sizes(u, here, tangent);
         let (mut found, mut natural) = (0.0f64, 0.0f64);
         for d in self.range(field).unwrap_or_default() {

@@ -70,6 +70,8 @@ impl System {
             sizes.iter_mut().zip(&here.linear_sizes).for_each(|(s, linear)| *s -= linear);
         }
         sizes.iter_mut().for_each(|s| *s = f64::EPSILON * s.max(0.0));
+        let positions = self.sizes_of_positions(tangent);
+        sizes.iter_mut().zip(positions).for_each(|(s, size)| *s += f64::EPSILON * size);
         sizes
     }
 }

@@ -1,0 +1,66 @@
+//! What rounding of positions leaves of forces: a law that adds unknowns to positions, such as the gap `(X + u).n`, knows
+//! them no better than the positions, however small they are. Far from the origin that is much more than their own digits
+//! say.
+
+use wfl_compiler::Class;
+
+use super::{System, Tangent};
+use crate::{assemble::AssembledTerm, field::Field, finite::largest};
+
+/// Displacements below this many units of roundoff of a position are zero beside it: positions are sums of those of nodes, and
+/// a gap is one of four numbers.
+const UNITS: f64 = 16.0;
+
+/// The unknowns that laws add to positions.
+#[derive(Clone, Default)]
+pub(super) struct Placed {
+    /// By field; empty where there are none.
+    fields: Vec<bool>,
+    /// The largest coordinate of the mesh (length).
+    farthest: f64,
+}
+
+impl Placed {
+    pub(super) fn new(fields: &[Field], terms: &[AssembledTerm], bounds: [[f64; 3]; 2]) -> Self {
+        let mut placed = vec![false; fields.len()];
+        for law in terms.iter().map(|t| &t.law).filter(|law| law.class >= Class::Nonlinear) {
+            law.listing.added_to_positions(&law.inputs).iter().for_each(|field| placed[field.index()] = true);
+        }
+        if !placed.contains(&true) {
+            return Self::default();
+        }
+        Self { fields: placed, farthest: largest(bounds.into_iter().flatten()) }
+    }
+}
+
+impl System {
+    /// By dof, in the rows of this rank: |K| |x| of the changing terms for the unknowns that a law adds to positions, with the
+    /// largest coordinate of the mesh for |x|. Beside |K| |u| ([`Self::sizes`]) rounding errors of a residual are relative to
+    /// it. Empty where no law does.
+    #[must_use]
+    pub fn sizes_of_positions(&self, tangent: &Tangent) -> Vec<f64> {
+        let Placed { fields, farthest } = &self.placed;
+        if fields.is_empty() {
+            return Vec::new();
+        }
+        let mut out = vec![0.0; self.numbering.n_dofs];
+        for row in 0..self.numbering.n_free() {
+            let (columns, values) = tangent.changing.row(row);
+            let is_placed = |c: u32| fields[self.field_of(self.numbering.free_dofs[c as usize] as usize)];
+            let stiffness: f64 = columns.iter().zip(values).filter(|(c, _)| is_placed(**c)).map(|(_, v)| v.abs()).sum();
+            out[self.numbering.free_dofs[row] as usize] = stiffness * farthest;
+        }
+        out
+    }
+
+    /// Whether the values of a field at `u` are rounding of the positions that a law adds them to.
+    #[must_use]
+    pub fn is_rounding_of_positions(&self, u: &[f64], field: usize) -> bool {
+        let Placed { fields, farthest } = &self.placed;
+        if fields.get(field) != Some(&true) {
+            return false;
+        }
+        let found = self.team().largest(self.range(field).map_or(0.0, |range| largest(u[range].iter().copied())));
+        found <= UNITS * f64::EPSILON * farthest
+    }
+}
