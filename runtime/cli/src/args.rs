@@ -232,7 +232,7 @@ pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
     /// Directory of the results [default: out/<scene>]
-    #[arg(long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Continue an interrupted run; the interrupted step and the last 0.1 s (on a slow disc twenty times the duration
     /// of a checkpoint) may be repeated
@@ -320,7 +320,7 @@ pub(crate) struct SweepArgs {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["words", "plot"])]
     pub(crate) study: Option<PathBuf>,
     /// Folder of table, page and plots
-    #[arg(long, value_name = "DIR", default_value = "out/sweep")]
+    #[arg(short, long, value_name = "DIR", default_value = "out/sweep")]
     pub(crate) out: PathBuf,
     /// Threads of assembly and solver, 1 or more [default: all]
     #[arg(long, value_name = "N")]

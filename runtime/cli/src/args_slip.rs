@@ -21,6 +21,16 @@ const OTHERWISE: &[(&[&str], &str)] = &[
     (&["init", "create", "template", "scaffold"], "new"),
 ];
 
+/// What other programs call an option that has another name here.
+const OPTIONS_OTHERWISE: &[(&[&str], &str)] = &[
+    (&["output", "outdir", "out-dir", "output-dir", "directory", "dir", "folder"], "out"),
+    (&["jobs", "cores", "procs", "nthreads", "num-threads", "omp"], "threads"),
+    (&["silent"], "quiet"),
+    (&["restart", "continue"], "resume"),
+    (&["solver", "linear-solver"], "backend"),
+    (&["max-memory", "mem"], "memory"),
+];
+
 /// The message for a command line that was refused, with what to type in place of it.
 pub(crate) fn told(error: &Error, words: &[String]) -> String {
     let told = match error.kind() {
@@ -79,6 +89,16 @@ fn value_as_option(words: &[String]) -> Option<String> {
         Some((name, value)) => (name, Some(value)),
         None => (bare, words.get(at + 1).map(String::as_str).filter(|v| !v.ends_with(".wfl"))),
     };
+    let other = OPTIONS_OTHERWISE.iter().find(|(words, own)| words.contains(&name) && options.iter().any(|o| o == own));
+    if let Some((_, own)) = other {
+        let typed =
+            words.iter().enumerate().map(|(k, word)| if k == at { word.replacen(name, own, 1) } else { word.clone() });
+        let line: Vec<String> = typed.collect();
+        return Some(format!(
+            "error: `{command}` has no option `--{name}`: it is `--{own}`\n  = help: wfl {}\n",
+            line.join(" ")
+        ));
+    }
     let near = nearest(name, options.iter().map(String::as_str))
         .map_or_else(String::new, |n| format!("; the nearest option is --{n}"));
     let mut line: Vec<String> = words[..at].to_vec();

@@ -66,6 +66,8 @@ fn a_wrong_command_line_is_told_what_to_type() {
     for (words, help) in [
         (&["run", "scene.wfl", "--E", "3"][..], "wfl run scene.wfl E=3"),
         (&["run", "scene.wfl", "--E=3"], "wfl run scene.wfl E=3"),
+        (&["run", "scene.wfl", "--output", "here"], "wfl run scene.wfl --out here"),
+        (&["run", "scene.wfl", "--jobs=2"], "wfl run scene.wfl --threads=2"),
         (&["scene.wfl"], "wfl run scene.wfl"),
         (&["run", "scene"], "wfl run scene.wfl"),
         (&["solve", "scene.wfl"], "wfl run scene.wfl"),
