@@ -477,3 +477,53 @@ fn parameters_of_several_numbers_and_parameters_made_of_others() {
         assert!((entries[k] - central).abs() < 1e-6 * central.abs(), "{entries:?} {central}");
     }
 }
+
+/// Numbers made of measures follow the measures and the parameters in their arithmetic, through each other.
+#[test]
+fn numbers_made_of_measures_follow_their_arithmetic() {
+    let text = format!(
+        "{BLOCKS}{INCREMENTS}measure ratio = fric*shear/(slip + d)\n\
+         measure more = (ratio*slip^2 + t*integral(uR(2)^2))/E + max(ratio, 0) on right\n"
+    );
+    let found = of(text.clone(), &[], "ratio, more, sum(more), slip, shear, ratio at t=1", "E, fric, d");
+    let value = |name: &str| found.results.iter().find(|r| r.name == name).expect("a result").value;
+    let (fric, d) = (0.4, 3e-3);
+    let (slip, shear) = (value("slip"), value("shear"));
+    for (parameter, own) in [("E", 0.0), ("fric", shear / (slip + d)), ("d", -fric * shear / ((slip + d) * (slip + d)))]
+    {
+        let [of_slip, of_shear] = ["slip", "shear"].map(|name| found.number(name, parameter).expect("a derivative"));
+        let closed = own + fric * (of_shear / (slip + d) - shear * of_slip / ((slip + d) * (slip + d)));
+        let made = found.number("ratio", parameter).expect("a derivative");
+        assert!((made - closed).abs() < 1e-12 * closed.abs().max(made.abs()), "{parameter}: {made} {closed}");
+    }
+    for result in ["more", "sum(more)", "ratio at t=1"] {
+        differences(&text, result, &["E", "fric", "d"], &found);
+    }
+    // a number that only counts has no derivative
+    let jumps = format!("{BLOCKS}{NITSCHE}measure late = if slip > 0.001 then 1 else 0\n");
+    let told = differentiated((Path::new("."), jumps), &[], &[], "late", "fric").err().expect("refused");
+    assert!(told.contains("jumps and does not slide") && told.contains("scene.wfl:"), "{told}");
+    let kink = format!("{BLOCKS}{NITSCHE}measure bound = max(slip, d - (d - slip))\n");
+    let found = of(kink, &[], "bound", "fric");
+    assert!(found.near.iter().any(|near| near.finding().line().contains("`bound` is between two branches")));
+}
+
+/// Derivatives that a scene states are known to its expectations, each of the shape of its parameter.
+#[test]
+fn a_scene_states_derivatives_and_expects_them() {
+    let stated = "param both = [0, 0]\nmeasure k = slip/d + both(1)*slip\ngradient slip, sum(shear), slip at t = 0.5 + 0.5 with fric, d\n\
+                  gradient k with both\nexpect slip_by_fric < 0 and slip_by_d > 0\n\
+                  expect abs(k_by_both(1)/slip - 1) < 1e-12 and k_by_both(2) == 0\n";
+    let text = format!("{BLOCKS}{INCREMENTS}{stated}");
+    let solved = wfl_tests::solved(text.clone());
+    assert!(!solved.outcome.expectations.is_empty());
+    assert!(solved.outcome.expectations.iter().all(|e| e.1 == Some(true)), "{:?}", solved.outcome.expectations);
+    let wrong = wfl_tests::solved(text.replace("slip_by_d > 0", "slip_by_d < 0"));
+    assert!(wrong.outcome.expectations.iter().any(|e| e.1 == Some(false)));
+    let refused = |from: &str, to: &str| wfl_tests::refused(&text.replace(from, to));
+    assert!(refused("gradient slip,", "gradient slap,").contains("E471"));
+    assert!(refused("with fric, d", "with frick, d").contains("did you mean `fric`"));
+    assert!(refused("slip at t =", "slip at s =").contains("E471"));
+    assert!(refused("= 0.5 + 0.5 with", "= 0.6 with").contains("nearest one ends at"));
+    assert!(refused("slip_by_d > 0", "slip_by_nu > 0").contains("slip_by_nu"));
+}

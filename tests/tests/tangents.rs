@@ -56,7 +56,8 @@ fn adjoint(
     refused: &mut Vec<String>,
 ) -> Result<(Request, Vec<Gradient>, usize), Box<Diagnostic>> {
     let script = of.script;
-    let mut measures: Vec<String> = script.measures.iter().map(|m| m.name.name.clone()).collect();
+    let numbers = script.computed.iter().map(|c| c.name.name.clone());
+    let mut measures: Vec<String> = script.measures.iter().map(|m| m.name.name.clone()).chain(numbers).collect();
     let data = script.fields.iter().filter(|f| matches!(f.kind, FieldKind::Data { .. }));
     let mut request = Request {
         parameters: script

@@ -11,7 +11,7 @@ use super::{
     formulas::Formulas,
     laws::{Laws, Of},
     linear::{As, Tangent},
-    measures::{Summed, Weighed, weighed},
+    measures::{Asked, Direct, Summed, Weighed},
     near::{Kinks, NearKink, join},
     parameters::to_declared,
     refused::{self, not_made},
@@ -88,23 +88,24 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     let Differentiated { scene, script, outcome, backend, .. } = of;
     refused::places(script, live)?;
     let (trajectory, ends) = standing::of_run(outcome)?;
-    let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
-    let mut extended = Extended::new(scene, live.to_vec());
-    let (results, of_measures) = weighed(&mut extended, script, request, &times)?;
-    let laws = Laws::new(&extended, script, of_measures, backend)?;
-    let kinks = Kinks::new(&extended, script, results.iter().map(|r| r.measure), backend)?;
     let mut equations = outcome.equations.clone();
+    let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
+    let mut extended = Extended::new(scene, script, live.to_vec());
+    let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
+    let laws = Laws::new(&extended, script, std::mem::take(&mut asked.laws), backend)?;
+    let kinks = Kinks::new(&extended, script, &asked.weighed, backend)?;
     let n_entries = extended.n_entries;
     let mut run = Backwards {
         formulas: Formulas::new(&extended, script)?,
         of,
         extended: &extended,
         laws,
-        standing: Standing { trajectory, solving: scene.solving(&mut equations) },
+        standing,
         tangent: Tangent::new(As::Transposed),
         out: vec![0.0; n_entries],
     };
-    let (sums, near) = run.all_steps(&results, &ends, &kinks)?;
+    let (sums, mut near) = run.all_steps(&asked, &ends, &kinks)?;
+    join(&mut near, std::mem::take(&mut asked.near));
     let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
     let mut made = Gradients { near, solutions, factorisations, ..Gradients::default() };
     for (into, mut sum) in sums.into_iter().enumerate() {
@@ -119,7 +120,7 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
         };
         made.results.push(Gradient {
             name: request.names().swap_remove(into),
-            value: results.iter().filter(|w| w.into == into).map(|w| value_of(of, w)).sum(),
+            value: asked.values[into],
             parameters: request.parameters.iter().filter_map(entries).collect(),
             fields: request.fields.iter().filter_map(field).collect(),
         });
@@ -127,26 +128,18 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     Ok(made)
 }
 
-/// The value of a result.
-fn value_of(of: Differentiated<'_>, weighed: &Weighed) -> f64 {
-    let name = &of.scene.measures[weighed.measure].name;
-    let at = |step: &crate::StepResult| step.measures.iter().find(|m| m.0 == *name).map_or(f64::NAN, |m| m.1);
-    let counted = of.outcome.steps.iter().zip(&weighed.steps).filter(|(_, weight)| **weight != 0.0);
-    counted.map(|(step, weight)| weight * at(step)).sum()
-}
-
 impl Backwards<'_, '_> {
     /// By result its derivatives; and the points between two branches.
     fn all_steps(
         &mut self,
-        results: &[Weighed],
+        asked: &Asked,
         ends: &Ends,
         kinks: &Kinks,
     ) -> Result<(Vec<Sums>, Vec<NearKink>), Box<Diagnostic>> {
         let trajectory = self.standing.trajectory;
         let zero = self.nothing();
         let of_one = || Sums { live: vec![0.0; self.extended.n_live()], data: zero.known.to_vec() };
-        let n_sums = results.iter().map(|w| w.into + 1).max().unwrap_or(0);
+        let (results, n_sums) = (&asked.weighed, asked.values.len());
         let nothing = vec![zero.clone(); n_sums];
         let mut found = Found {
             end: nothing.clone(),
@@ -154,13 +147,13 @@ impl Backwards<'_, '_> {
             sums: (0..n_sums).map(|_| of_one()).collect(),
             near: Vec::new(),
         };
-        // the states behind the step that is looked at
-        let mut after: Vec<Vec<f64>> = self.standing.solving.system.data().to_vec();
+        for Direct { into, live, .. } in &asked.direct {
+            add(&mut found.sums[*into].live, live);
+        }
         for n in (0..trajectory.steps.len()).rev() {
             let step = &trajectory.steps[n];
             let is_read = ends.get(&n).is_some_and(|end| results.iter().any(|w| w.steps[*end] != 0.0));
             if !is_read && found.end.iter().all(Cotangent::is_zero) {
-                after.clone_from(&step.states);
                 continue;
             }
             self.standing.at(n)?;
@@ -170,8 +163,8 @@ impl Backwards<'_, '_> {
                 found.of_rates(rates);
             }
             if let Some(end) = ends.get(&n) {
-                let read = results.iter().enumerate().map(|(k, w)| (k, w, w.steps[*end])).filter(|r| r.2 != 0.0);
-                self.of_results(&read.collect::<Vec<_>>(), (step, &after), kinks, &mut found)?;
+                let read = results.iter().map(|w| (w, w.steps[*end])).filter(|r| r.1 != 0.0);
+                self.of_results(&read.collect::<Vec<_>>(), (n, step), kinks, &mut found)?;
             }
             if step.kind == Passed::Given {
                 for (end, start) in found.end.iter().zip(&mut found.start) {
@@ -190,7 +183,6 @@ impl Backwards<'_, '_> {
                 self.of_data((step.time, step.increment), end, sum)?;
             }
             std::mem::swap(&mut found.end, &mut found.start);
-            after.clone_from(&step.states);
         }
         for (start, sum) in found.end.iter().zip(&mut found.sums) {
             self.of_start(start, sum)?;
@@ -208,19 +200,19 @@ impl Backwards<'_, '_> {
         }
     }
 
-    /// Results that a step counts in, each with its position and weight; `after` are the states behind the step.
+    /// Results that a step counts in, each with its position and weight.
     fn of_results(
         &mut self,
-        read: &[(usize, &Weighed, f64)],
-        at: (&PassedStep, &[Vec<f64>]),
+        read: &[(&Weighed, f64)],
+        at: (usize, &PassedStep),
         kinks: &Kinks,
         found: &mut Found,
     ) -> Result<(), Box<Diagnostic>> {
-        let (step, after) = at;
-        self.standing.put_states(after);
-        for (k, weighed, weight) in read {
+        let (n, step) = at;
+        self.standing.put_states_behind(n);
+        for (weighed, weight) in read {
             let Summed::Points(fields) = &weighed.summed else { continue };
-            let shared = self.of_measure((*k, weighed), (fields, *weight), step)?;
+            let shared = self.of_measure(weighed, (fields, *weight), step)?;
             join(&mut found.near, shared);
             let at = (step.time, step.increment);
             join(&mut found.near, kinks.near(&self.standing.solving, &step.u, at, Some(weighed.measure)));
@@ -229,7 +221,7 @@ impl Backwards<'_, '_> {
         }
         self.standing.put_states(&step.states);
         // where time starts no equation was solved, and a reaction is zero
-        for (_, weighed, weight) in read.iter().filter(|_| step.kind != Passed::Given) {
+        for (weighed, weight) in read.iter().filter(|_| step.kind != Passed::Given) {
             let (Summed::Rows(rows), into) = (&weighed.summed, weighed.into) else { continue };
             self.of_rows((rows, *weight), step)?;
             self.spread(-1.0, false, &mut found.end[into], &mut found.start[into], &mut found.sums[into].live);
@@ -299,17 +291,18 @@ impl Backwards<'_, '_> {
     /// The derivatives of a measure at the end of a step.
     fn of_measure(
         &mut self,
-        result: (usize, &Weighed),
+        weighed: &Weighed,
         weights: (&[usize], f64),
         step: &PassedStep,
     ) -> Result<Option<NearKink>, Box<Diagnostic>> {
-        let ((number, weighed), (fields, weight)) = (result, weights);
+        let (fields, weight) = weights;
         let values = self.standing.solving.system.values(&step.u);
-        let (points, near) = weighed.at_points(&self.standing.solving, values.view(), (step.time, step.increment));
+        let of = (self.extended, &self.standing.solving);
+        let (points, near) = weighed.at_points(of, values.view(), (step.time, step.increment));
         drop(values);
         let scaled = |list: Vec<f64>| list.into_iter().map(|x| weight * x).collect();
         let weights = fields.iter().copied().zip(points.into_iter().map(scaled)).collect();
-        self.evaluate(|of| matches!(of, Of::Measure(result, _) if result == number), &step.u, &weights)?;
+        self.evaluate(|of| matches!(of, Of::Measure(measure, _) if measure == weighed.measure), &step.u, &weights)?;
         Ok(near)
     }
 

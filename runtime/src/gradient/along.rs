@@ -58,10 +58,8 @@ impl Along {
         }
         let mut measures = Vec::new();
         for result in results {
-            let measure = &scene.measures[result.measure];
-            let declared = script.measures.iter().find(|m| m.name.name == measure.name);
-            let (Summed::Points(_), Some((_, parts)), Some(declared)) = (&result.summed, measure.at_points(), declared)
-            else {
+            let (measure, declared) = extended.measures[result.measure];
+            let (Summed::Points(_), Some((_, parts))) = (&result.summed, measure.at_points()) else {
                 measures.push(Vec::new());
                 continue;
             };

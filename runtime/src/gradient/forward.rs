@@ -8,7 +8,7 @@ use super::{
     extended::{Extended, Live},
     formulas::Formulas,
     linear::{As, Tangent},
-    measures::{Summed, Weighed, weighed},
+    measures::{Asked, Direct, Summed, Weighed},
     near::{Kinks, NearKink, join},
     parameters::from_declared,
     refused::{self, not_made, other_size},
@@ -120,24 +120,26 @@ pub(super) fn solve(
     refused::places(script, live)?;
     let (trajectory, ends) = standing::of_run(outcome)?;
     let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
-    let mut extended = Extended::new(scene, live.to_vec());
-    // the laws of adjoints are not needed, but what they refuse is
-    let (results, _) = weighed(&mut extended, script, request, &times)?;
-    let kinks = Kinks::new(&extended, script, results.iter().map(|r| r.measure), backend)?;
     let mut equations = outcome.equations.clone();
+    let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
+    let mut extended = Extended::new(scene, script, live.to_vec());
+    // the laws of adjoints are not needed, but what they refuse is
+    let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
+    let kinks = Kinks::new(&extended, script, &asked.weighed, backend)?;
     let mut run = Forwards {
         formulas: Formulas::new(&extended, script)?,
         of,
         extended: &extended,
-        laws: Along::new(&extended, script, &results, backend)?,
-        standing: Standing { trajectory, solving: scene.solving(&mut equations) },
+        laws: Along::new(&extended, script, &asked.weighed, backend)?,
+        standing,
         tangent: Tangent::new(As::Written),
         still: Moving::default(),
         out: vec![0.0; extended.n_entries],
     };
     run.still = run.begin(&Direction::default())?;
     let mut moving = directions.iter().map(|d| run.begin(d)).collect::<Result<Vec<_>, _>>()?;
-    let (moved, near) = run.all_steps(&mut moving, &results, &ends, &kinks)?;
+    let (moved, mut near) = run.all_steps(&mut moving, &asked, &ends, &kinks)?;
+    join(&mut near, std::mem::take(&mut asked.near));
     let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
     Ok(Tangents { times, moved, near, solutions, factorisations, ..Tangents::default() })
 }
@@ -183,13 +185,17 @@ impl Forwards<'_, '_> {
     fn all_steps(
         &mut self,
         moving: &mut [Moving],
-        results: &[Weighed],
+        asked: &Asked,
         ends: &Ends,
         kinks: &Kinks,
     ) -> Result<(Moved, Vec<NearKink>), Box<Diagnostic>> {
         let trajectory = self.standing.trajectory;
-        let last: Vec<Vec<f64>> = self.standing.solving.system.data().to_vec();
-        let mut moved = vec![vec![vec![0.0; ends.len()]; results.len()]; moving.len()];
+        let mut moved = vec![vec![vec![0.0; ends.len()]; asked.values.len()]; moving.len()];
+        for Direct { into, end, live } in &asked.direct {
+            for (moved, one) in moved.iter_mut().zip(moving.iter()) {
+                moved[*into][*end] += live.iter().zip(&one.live).map(|(x, by)| x * by).sum::<f64>();
+            }
+        }
         let mut near = Vec::new();
         for (n, step) in trajectory.steps.iter().enumerate() {
             self.standing.at(n)?;
@@ -203,11 +209,13 @@ impl Forwards<'_, '_> {
                 near.push(kinks.near(&self.standing.solving, &step.u, at, None));
             }
             if let Some(end) = ends.get(&n) {
-                self.standing.put_states(trajectory.steps.get(n + 1).map_or(&last, |next| &next.states));
+                self.standing.put_states_behind(n);
                 // the list is read backwards, as the adjoint finds it
-                for (k, weighed) in results.iter().enumerate().rev() {
+                for (k, weighed) in asked.weighed.iter().enumerate().rev().filter(|(_, w)| w.steps[*end] != 0.0) {
                     near.push(kinks.near(&self.standing.solving, &step.u, at, Some(weighed.measure)));
-                    let shared = self.measure((k, weighed), step, moving, |d, x| moved[d][k][*end] = x);
+                    let shared = self.measure((k, weighed), step, moving, |d, x| {
+                        moved[d][weighed.into][*end] += weighed.steps[*end] * x;
+                    });
                     near.push(shared.into_iter().collect());
                 }
             }
@@ -372,7 +380,7 @@ impl Forwards<'_, '_> {
             Summed::Points(_) => {
                 let values = self.standing.solving.system.values(&step.u);
                 let at = (step.time, step.increment);
-                let (points, shared) = weighed.at_points(&self.standing.solving, values.view(), at);
+                let (points, shared) = weighed.at_points((self.extended, &self.standing.solving), values.view(), at);
                 for (d, one) in moving.iter().enumerate() {
                     let (current, previous) = self.values(&values, one);
                     let made = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };

@@ -32,7 +32,7 @@ pub(super) enum Of {
     Term,
     /// The update of the state at this position among the states of the scene.
     State(usize),
-    /// A measure: the result that needs it, and the part of its points.
+    /// A measure by its position, and the part of its points.
     Measure(usize, usize),
 }
 

@@ -16,6 +16,7 @@
 
 mod adjoint;
 mod along;
+mod computed;
 mod extended;
 mod formulas;
 mod forward;
@@ -28,6 +29,7 @@ mod parameters;
 mod refused;
 mod request;
 mod standing;
+mod stated;
 
 use std::time::Instant;
 
@@ -40,6 +42,7 @@ pub use jacobian::{Jacobian, Mode};
 pub use near::NearKink;
 pub use refused::{NO_DERIVATIVE, not_together};
 pub use request::{Request, Result as WantedResult, When};
+pub use stated::{settle, stated};
 
 /// What is differentiated: a run with the scene that it is of.
 #[derive(Clone, Copy)]

@@ -12,7 +12,7 @@ use crate::{Scene, newton::Stop, rates::Rates, scene::place_of_moving};
 /// The code of what has no derivative.
 pub const NO_DERIVATIVE: Code = Code::E470;
 
-fn message(text: impl Into<String>) -> Diagnostic {
+pub(super) fn message(text: impl Into<String>) -> Diagnostic {
     Diagnostic::new(NO_DERIVATIVE, text)
 }
 
@@ -52,15 +52,12 @@ pub(super) fn no_whole_measure(name: &str) -> Box<Diagnostic> {
 }
 
 /// No such measure.
-pub(super) fn no_result(script: &ResolvedScript, name: &str, names: &[&str]) -> Box<Diagnostic> {
-    if let Some(computed) = script.computed.iter().find(|c| c.name.name == name) {
-        let d = message(format!("`{name}` is made of measures: it has no derivative yet"));
-        let help = "the measures in it have derivatives; those of a quotient or product follow from them";
-        return Box::new(d.at(computed.expr.span, "this number").help(help));
-    }
+pub(super) fn no_result(script: &ResolvedScript, name: &str) -> Box<Diagnostic> {
+    let measures = script.measures.iter().map(|m| m.name.name.as_str());
+    let names: Vec<&str> = measures.chain(script.computed.iter().map(|c| c.name.name.as_str())).collect();
     let help = match script.energies().iter().any(|e| e == name) {
         true => "the balance of energy has no derivatives yet: a measure of the energy itself has them".to_owned(),
-        false => known(name, names, "measure"),
+        false => known(name, &names, "measure"),
     };
     Box::new(message(format!("`{name}` is no measure that can be differentiated")).help(help))
 }

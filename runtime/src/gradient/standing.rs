@@ -33,9 +33,35 @@ pub(super) fn of_run(outcome: &Outcome) -> Result<(&Trajectory, Ends), Box<Diagn
 pub(super) struct Standing<'a, 's> {
     pub(super) trajectory: &'a Trajectory,
     pub(super) solving: Solving<'s>,
+    /// By field its values behind the last step.
+    last: Vec<Vec<f64>>,
 }
 
-impl Standing<'_, '_> {
+impl<'a, 's> Standing<'a, 's> {
+    /// A run that has ended, with its equations at its end.
+    pub(super) fn new(trajectory: &'a Trajectory, solving: Solving<'s>) -> Self {
+        Self { trajectory, last: solving.system.data().to_vec(), solving }
+    }
+
+    /// Brings the equations to what measures read at the end of a step.
+    pub(super) fn at_end_of(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
+        self.at(n)?;
+        self.put_states_behind(n);
+        Ok(())
+    }
+
+    /// Brings the states to those behind a step.
+    pub(super) fn put_states_behind(&mut self, n: usize) {
+        let trajectory = self.trajectory;
+        if let Some(next) = trajectory.steps.get(n + 1) {
+            self.put_states(&next.states);
+        } else {
+            let last = std::mem::take(&mut self.last);
+            self.put_states(&last);
+            self.last = last;
+        }
+    }
+
     /// Brings the equations to a step: data, states and the past as its equations read them.
     pub(super) fn at(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
         let steps = &self.trajectory.steps;

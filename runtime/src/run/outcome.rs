@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use wfl::{Code, Diagnostic};
+use wfl_compiler::Constant;
 
 use super::{
     Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult, Trajectory,
@@ -36,6 +37,8 @@ pub struct Outcome {
     pub expectations: Vec<(wfl::Expect, Option<bool>)>,
     /// What expectations know beside params: the measures at the last step, and the numbers of the events.
     pub known: Vec<(String, f64)>,
+    /// Derivatives that expectations know, once they are found ([`crate::gradient::settle`]).
+    pub derivatives: Vec<(String, Constant)>,
     /// Messages of the expectations.
     pub diagnostics: Vec<Diagnostic>,
     /// The events of the scene by name, each with the times that it lasted.
@@ -118,7 +121,7 @@ impl Run {
         let events = self.episodes(scene);
         let mut known = last;
         events.iter().for_each(|(name, episodes)| known.extend(numbers_of(name, episodes)));
-        let (expectations, diagnostics) = if done { scene.expectations(&known) } else { (Vec::new(), Vec::new()) };
+        let (expectations, diagnostics) = if done { scene.expectations(&known, &[]) } else { (Vec::new(), Vec::new()) };
         let mut warnings = findings::of_steps(scene, &self.steps);
         let solved = |s: &&StepResult| s.history.converged() && s.history.stop != Some(Stop::Given);
         warnings.extend(self.watched.told(scene, &self.u, self.steps.iter().filter(solved).count()));
@@ -150,6 +153,7 @@ impl Run {
             kept,
             expectations,
             known,
+            derivatives: Vec::new(),
             diagnostics,
             warnings,
             events,
