@@ -1,5 +1,7 @@
 //! From the last step to the first one: a solution with the transposed tangent for each step and result.
 
+mod beginning;
+
 use std::collections::BTreeMap;
 
 use wfl::Diagnostic;
@@ -7,6 +9,7 @@ use wfl_compiler::types::{FieldId, FieldKind, RateOrder};
 
 use super::{
     Differentiated, Gradient, Gradients, Request,
+    beginning::Beginning,
     extended::{Extended, Live},
     formulas::Formulas,
     laws::{Laws, Of},
@@ -22,6 +25,7 @@ use crate::{
     assemble::FieldValues,
     rates::{Kept, Rates},
     scene::node_positions,
+    system::FIXED,
 };
 
 /// What a result changes with at the end of a step.
@@ -157,14 +161,29 @@ impl Backwards<'_, '_> {
                 continue;
             }
             self.standing.at(n)?;
-            self.laws.set_step(self.standing.step_of(step));
+            let time = self.standing.time_of(step);
             found.start.clone_from(&nothing);
-            if let Some(rates) = &step.rates {
-                found.of_rates(rates);
+            let is_within = self.standing.offset(step) != 0.0;
+            if is_within {
+                self.standing.go_to_end(step)?;
             }
+            self.laws.set_step(self.standing.step_of(step.time, step));
             if let Some(end) = ends.get(&n) {
                 let read = results.iter().map(|w| (w, w.steps[*end])).filter(|r| r.1 != 0.0);
                 self.of_results(&read.collect::<Vec<_>>(), (n, step), kinks, &mut found)?;
+            }
+            if is_within {
+                for (end, sum) in found.end.iter_mut().zip(&mut found.sums) {
+                    self.of_data((step.time, step.increment), end, sum)?;
+                    self.standing.solving.data.iter().for_each(|(field, _)| end.known[*field].fill(0.0));
+                }
+                self.standing.at(n)?;
+                self.laws.set_step(self.standing.step_of(time, step));
+            }
+            if let Some(rates) = &step.rates {
+                found.of_rates(rates);
+                let ends = found.end.iter_mut().zip(&mut found.start).filter(|_| is_within);
+                ends.for_each(|(end, start)| rates.follow_extrapolation(&mut end.u, &mut start.u));
             }
             if step.kind == Passed::Given {
                 for (end, start) in found.end.iter().zip(&mut found.start) {
@@ -172,7 +191,7 @@ impl Backwards<'_, '_> {
                     self.each_state(|k| add(&mut start.known[k], &end.known[k]));
                 }
             } else {
-                join(&mut found.near, kinks.near(&self.standing.solving, &step.u, (step.time, step.increment), None));
+                join(&mut found.near, kinks.near(&self.standing.solving, &step.u, (time, step.increment), None));
                 self.tangent.is_new = true;
                 for ((end, start), sum) in found.end.iter_mut().zip(&mut found.start).zip(&mut found.sums) {
                     self.of_states(step, end, start, sum)?;
@@ -180,11 +199,18 @@ impl Backwards<'_, '_> {
                 }
             }
             for (end, sum) in found.end.iter().zip(&mut found.sums) {
-                self.of_data((step.time, step.increment), end, sum)?;
+                self.of_data((time, step.increment), end, sum)?;
             }
             std::mem::swap(&mut found.end, &mut found.start);
         }
-        for (start, sum) in found.end.iter().zip(&mut found.sums) {
+        let beginning = Beginning::new(&mut self.standing)?;
+        if let Some(first) = trajectory.steps.first().filter(|_| beginning.is_some()) {
+            self.laws.set_step(self.standing.step_of(first.time, first));
+        }
+        for (start, sum) in found.end.iter_mut().zip(&mut found.sums) {
+            if let Some(beginning) = &beginning {
+                self.of_beginning(beginning, start, sum)?;
+            }
             self.of_start(start, sum)?;
         }
         Ok((found.sums, found.near))
@@ -215,7 +241,7 @@ impl Backwards<'_, '_> {
             let shared = self.of_measure(weighed, (fields, *weight), step)?;
             join(&mut found.near, shared);
             let at = (step.time, step.increment);
-            join(&mut found.near, kinks.near(&self.standing.solving, &step.u, at, Some(weighed.measure)));
+            join(&mut found.near, kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));
             let into = weighed.into;
             self.spread(1.0, true, &mut found.end[into], &mut found.start[into], &mut found.sums[into].live);
         }
@@ -283,7 +309,9 @@ impl Backwards<'_, '_> {
             let place = |order: RateOrder, field: usize| {
                 extended.range(extended.companions().history(order, FieldId::new(field)).index())
             };
-            rates.follow_histories(|order, field| &self.out[place(order, field)], factor, &mut start.kept);
+            // rates are held at an end behind the equations
+            let kept = if at_the_end && rates.is_held() { &mut end.kept } else { &mut start.kept };
+            rates.follow_histories(|order, field| &self.out[place(order, field)], factor, kept);
         }
         scaled(live, &self.out[extended.live_range()]);
     }
@@ -296,13 +324,17 @@ impl Backwards<'_, '_> {
         step: &PassedStep,
     ) -> Result<Option<NearKink>, Box<Diagnostic>> {
         let (fields, weight) = weights;
-        let values = self.standing.solving.system.values(&step.u);
+        let values = self.standing.solving.system.values(step.at_end());
         let of = (self.extended, &self.standing.solving);
         let (points, near) = weighed.at_points(of, values.view(), (step.time, step.increment));
         drop(values);
         let scaled = |list: Vec<f64>| list.into_iter().map(|x| weight * x).collect();
         let weights = fields.iter().copied().zip(points.into_iter().map(scaled)).collect();
-        self.evaluate(|of| matches!(of, Of::Measure(measure, _) if measure == weighed.measure), &step.u, &weights)?;
+        self.evaluate(
+            |of| matches!(of, Of::Measure(measure, _) if measure == weighed.measure),
+            step.at_end(),
+            &weights,
+        )?;
         Ok(near)
     }
 
@@ -377,6 +409,16 @@ impl Backwards<'_, '_> {
                 step.time,
                 free / size
             )));
+        }
+        if let Some(rates) = step.rates.as_ref().filter(|_| self.standing.offset(step) != 0.0) {
+            let is_fixed = |(x, free): (&f64, &u32)| if *free == FIXED { *x } else { 0.0 };
+            let mut fixed: Vec<f64> = end.u.iter().zip(&numbering.free).map(is_fixed).collect();
+            let (mut at_end, mut before) = (vec![0.0; fixed.len()], vec![0.0; fixed.len()]);
+            rates.follow_prescribed(&mut fixed, &mut at_end, &mut before);
+            numbering.frames.turn_back(&mut before);
+            add(&mut start.u, &before);
+            self.of_prescribed((step.time, step.increment), &at_end, sum)?;
+            return self.of_prescribed((self.standing.time_of(step), step.increment), &fixed, sum);
         }
         self.of_prescribed((step.time, step.increment), &end.u, sum)
     }

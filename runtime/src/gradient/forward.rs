@@ -1,10 +1,13 @@
 //! From the first step to the last one: a solution with the tangent for each step and direction of the parameters.
 
+mod beginning;
+
 use wfl::Diagnostic;
 
 use super::{
     Differentiated, Request, WantedResult, When,
     along::Along,
+    beginning::{Beginning, parted},
     extended::{Extended, Live},
     formulas::Formulas,
     linear::{As, Tangent},
@@ -197,22 +200,32 @@ impl Forwards<'_, '_> {
             }
         }
         let mut near = Vec::new();
+        if let Some(beginning) = Beginning::new(&mut self.standing)? {
+            self.laws.set_step(self.standing.step_of(trajectory.steps[0].time, &trajectory.steps[0]));
+            for one in moving.iter_mut() {
+                self.beginning(&beginning, one)?;
+            }
+        }
         for (n, step) in trajectory.steps.iter().enumerate() {
             self.standing.at(n)?;
-            self.laws.set_step(self.standing.step_of(step));
+            self.laws.set_step(self.standing.step_of(self.standing.time_of(step), step));
             self.tangent.is_new = true;
             for one in moving.iter_mut() {
                 self.step(step, one)?;
             }
             let at = (step.time, step.increment);
             if step.kind != Passed::Given {
+                let at = (self.standing.time_of(step), step.increment);
                 near.push(kinks.near(&self.standing.solving, &step.u, at, None));
+            }
+            if self.standing.offset(step) != 0.0 {
+                self.go_to_end(step, moving)?;
             }
             if let Some(end) = ends.get(&n) {
                 self.standing.put_states_behind(n);
                 // the list is read backwards, as the adjoint finds it
                 for (k, weighed) in asked.weighed.iter().enumerate().rev().filter(|(_, w)| w.steps[*end] != 0.0) {
-                    near.push(kinks.near(&self.standing.solving, &step.u, at, Some(weighed.measure)));
+                    near.push(kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));
                     let shared = self.measure((k, weighed), step, moving, |d, x| {
                         moved[d][weighed.into][*end] += weighed.steps[*end] * x;
                     });
@@ -228,7 +241,7 @@ impl Forwards<'_, '_> {
 
     /// What a direction moves at the end of a step: data, prescribed values, unknowns, states.
     fn step(&mut self, step: &PassedStep, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
-        let at = (step.time, step.increment);
+        let at = (self.standing.time_of(step), step.increment);
         one.end.known.clone_from(&one.before.known);
         self.data(at, (&one.live, &one.fields), &mut one.end.known)?;
         one.rows.clear();
@@ -242,7 +255,7 @@ impl Forwards<'_, '_> {
             return Ok(());
         }
         one.end.u.fill(0.0);
-        self.prescribed(at, &one.live, &mut one.end.u)?;
+        self.prescribed_in(step, one)?;
         one.rows = self.residual(step, one)?;
         let rhs: Vec<f64> = one.rows.iter().map(|x| -x).collect();
         let found = self.tangent.solve(self.standing.solving.system, &step.u, &rhs, self.of.threads)?;
@@ -276,7 +289,43 @@ impl Forwards<'_, '_> {
             }
         }
         if let Some((_, along)) = of_rates {
-            one.end.kept = along.kept_at(&one.end.u, &one.before.u);
+            // what the equations were solved for goes to the end of the step
+            let mut end = one.end.u.clone();
+            if self.standing.offset(step) != 0.0 {
+                along.extrapolate(&mut end, &one.before.u);
+            }
+            one.end.kept = along.kept_at(&end, &one.before.u);
+            one.end.u = end;
+        }
+        Ok(())
+    }
+
+    /// Brings equations and directions from where the equations of a step stand to its end.
+    fn go_to_end(&mut self, step: &PassedStep, moving: &mut [Moving]) -> Result<(), Box<Diagnostic>> {
+        self.standing.go_to_end(step)?;
+        self.laws.set_step(self.standing.step_of(step.time, step));
+        let n = self.extended.n;
+        for one in moving {
+            let mut known = std::mem::take(&mut one.end.known);
+            self.data((step.time, step.increment), (&one.live, &one.fields), &mut known)?;
+            one.end.known = known;
+            one.rates = self.standing.rates().map(|held| held.with_behind(&held.along(&one.end.kept), n));
+        }
+        Ok(())
+    }
+
+    /// What prescribed values move by where the equations of a step stand, written into what the unknowns move by.
+    fn prescribed_in(&self, step: &PassedStep, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
+        let at = (self.standing.time_of(step), step.increment);
+        self.prescribed(at, &one.live, &mut one.end.u)?;
+        let Some(rates) = step.rates.as_ref().filter(|_| self.standing.offset(step) != 0.0) else { return Ok(()) };
+        let mut end = vec![0.0; one.end.u.len()];
+        self.prescribed((step.time, step.increment), &one.live, &mut end)?;
+        let numbering = &self.standing.solving.system.numbering;
+        let [mut before, _] = parted(numbering, &one.before.u);
+        numbering.frames.turn_back(&mut before);
+        for d in rates.fields().iter().flat_map(|of| of.dofs.clone()) {
+            one.end.u[d] = end[d] + rates.scheme().offset() * (before[d] - end[d]);
         }
         Ok(())
     }
@@ -378,7 +427,7 @@ impl Forwards<'_, '_> {
                 None
             }
             Summed::Points(_) => {
-                let values = self.standing.solving.system.values(&step.u);
+                let values = self.standing.solving.system.values(step.at_end());
                 let at = (step.time, step.increment);
                 let (points, shared) = weighed.at_points((self.extended, &self.standing.solving), values.view(), at);
                 for (d, one) in moving.iter().enumerate() {

@@ -18,7 +18,7 @@ use super::{
     extended::Extended,
     laws::{Of, Placed, acts},
     near::{NEAR, NearKink},
-    refused::{flat, no_result, not_in_weights, of_balance, of_followed},
+    refused::{flat, no_result, not_in_weights, of_balance, of_followed, within},
     standing::{Ends, Standing},
 };
 use crate::{
@@ -133,6 +133,9 @@ impl Asked {
         let (measure, declared) = extended.measures[number];
         let (name, scene) = (&declared.name.name, extended.scene);
         if let Some(rows) = measure.rows() {
+            if scene.system.rates().is_some_and(|r| r.scheme().offset() != 0.0) {
+                return Err(within(name, declared.expr.span));
+            }
             if scene.system.numbering.has_ties() {
                 return Err(of_followed(name, declared.expr.span));
             }
@@ -177,7 +180,7 @@ impl Asked {
             let mut values = of.outcome.steps[*end].measures.clone();
             if !own.is_empty() {
                 standing.at_end_of(*n)?;
-                let at = Measured::new(standing.solving.system, step.time, step.increment, &step.u);
+                let at = Measured::new(standing.solving.system, step.time, step.increment, step.at_end());
                 let at = if step.kind == Passed::Given { at.where_time_starts() } else { at };
                 let own = own.iter().map(|k| extended.measures[*k].0);
                 values.extend(own.map(|m| (m.name.clone(), m.evaluate(&at))));

@@ -16,6 +16,7 @@
 
 mod adjoint;
 mod along;
+mod beginning;
 mod computed;
 mod extended;
 mod formulas;

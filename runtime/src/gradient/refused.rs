@@ -7,7 +7,7 @@ use wfl::{
 };
 
 use super::{Differentiated, Request, extended::Live, request::known};
-use crate::{Scene, newton::Stop, rates::Rates, scene::place_of_moving};
+use crate::{Scene, newton::Stop, scene::place_of_moving, system::FIXED};
 
 /// The code of what has no derivative.
 pub const NO_DERIVATIVE: Code = Code::E470;
@@ -83,6 +83,17 @@ pub(super) fn of_followed(name: &str, span: Span) -> Box<Diagnostic> {
     Box::new(d.at(span, "").help("the integral of a traction over the faces is the same force, and has one"))
 }
 
+/// A reaction where equations stand within a step.
+pub(super) fn within(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!(
+        "`{name}` is a reaction at the end of a step whose equations stand before it: it has no derivative yet"
+    ));
+    Box::new(
+        d.at(span, "")
+            .help("the integral of a traction over the faces has one; so has the reaction under `scheme newmark`"),
+    )
+}
+
 /// Whether a run can be differentiated with what else was asked of it; why not, in words and with the place of what does not
 /// go with it.
 #[must_use]
@@ -93,15 +104,16 @@ pub fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic
         let d = message("several ranks have no derivatives yet").help("run it without mpirun");
         return Some(placed(d, steps()));
     }
-    let of_a_list = scene.steps.are_listed();
-    let reads_start = |r: &Rates| r.scheme().offset() != 0.0 || r.are_read_at_start(of_a_list);
-    if scene.explicit.is_some() || system.redistribution().is_some() || system.rates().is_some_and(reads_start) {
+    if scene.explicit.is_some() || system.redistribution().is_some() {
         let d = message("the rates of this scheme have no derivatives yet");
         let d = d.help(
-            "states, `Previous_u` and first rates by backward Euler, BDF2 and BDF (`scheme bdf2`, steps `by auto`) have \
-             them; differences of whole runs do for the others: wfl sweep",
+            "backward Euler, backward differentiation, Newmark's rule and generalised alpha have them, with mass at every node; \
+             differences of whole runs do for the others: wfl sweep",
         );
         return Some(placed(d, steps()));
+    }
+    if let Some(d) = without_rate(scene, script) {
+        return Some(d);
     }
     if system.has_moving_images() {
         let d = message("images that follow the bodies have no derivatives yet");
@@ -109,6 +121,23 @@ pub fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic
         return Some(placed(d, place_of_moving(script)));
     }
     None
+}
+
+/// Where the rates at the start count, a field that is solved for there and has none.
+fn without_rate(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic> {
+    let system = &scene.system;
+    let rates = system.rates().filter(|r| r.are_read_at_start(scene.steps.are_listed()))?;
+    let is_without = |k: &usize| {
+        let is_free = |d: usize| system.numbering.free[d] != FIXED;
+        let has_rates = rates.fields().iter().any(|of| of.field == *k);
+        !has_rates && system.range(*k).is_some_and(|mut range| range.any(is_free))
+    };
+    let name = &system.fields[(0..system.fields.len()).find(is_without)?].name;
+    let d = message(format!(
+        "`{name}` has no rate, and the rates where time starts depend on it: no derivative follows that yet"
+    ));
+    let d = d.help("contact as a penalty or by Nitsche's method; differences of whole runs: wfl sweep");
+    Some(placed(d, script.fields.iter().find(|f| f.name.name == *name).map(|f| f.span)))
 }
 
 fn placed(d: Diagnostic, at: Option<Span>) -> Diagnostic {
@@ -236,11 +265,6 @@ fn each_fixed_place<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr, 
     for quadrature in &script.quadratures {
         if let QuadratureRule::Degree(e) = &quadrature.rule {
             f(e, "`quadrature`", OF_OPTION);
-        }
-    }
-    for start in &script.starts {
-        if let wfl::StartKind::Rate { value, .. } = &start.kind {
-            f(value, "a first rate", "the rates of this scheme have no derivatives yet");
         }
     }
     for measure in &script.measures {

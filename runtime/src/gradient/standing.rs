@@ -47,7 +47,8 @@ impl<'a, 's> Standing<'a, 's> {
     pub(super) fn at_end_of(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
         self.at(n)?;
         self.put_states_behind(n);
-        Ok(())
+        let trajectory = self.trajectory;
+        if self.offset(&trajectory.steps[n]) == 0.0 { Ok(()) } else { self.go_to_end(&trajectory.steps[n]) }
     }
 
     /// Brings the states to those behind a step.
@@ -67,24 +68,44 @@ impl<'a, 's> Standing<'a, 's> {
         let steps = &self.trajectory.steps;
         let step = &steps[n];
         let (past, at) = match n.checked_sub(1).map(|k| &steps[k]) {
-            Some(past) => (&past.u, (past.time, past.increment)),
-            None => (&self.trajectory.start, (step.time, step.increment)),
+            Some(past) => (past.at_end(), (past.time, past.increment)),
+            None => (self.trajectory.start.as_slice(), (step.time, step.increment)),
         };
         let bad = |e: crate::SystemError| not_made(&e.to_string());
         self.put_states(&step.states);
         self.solving.set_data(at.0, at.1).map_err(bad)?;
         self.solving.system.end_step(past);
         self.solving.system.set_rates(step.rates.as_ref());
-        self.solving.set_data(step.time, step.increment).map_err(bad)?;
+        let time = self.time_of(step);
+        self.solving.set_data(time, step.increment).map_err(bad)?;
         if step.kind != Passed::Given {
-            self.solving.system.begin_step(step.time, step.increment).map_err(bad)?;
+            self.solving.system.begin_step(time, step.increment).map_err(bad)?;
         }
         Ok(())
     }
 
-    /// What laws take of a step.
-    pub(super) fn step_of(&self, step: &PassedStep) -> StepAt {
-        self.solving.system.step_at(step.time, step.increment)
+    /// How far before its end the equations of a step stand, as a part of it: 0 for most schemes.
+    pub(super) fn offset(&self, step: &PassedStep) -> f64 {
+        let rates = step.rates.as_ref().filter(|_| step.kind != Passed::Given);
+        rates.map_or(0.0, |rates| rates.scheme().offset())
+    }
+
+    /// The step variable where the equations of a step stand.
+    pub(super) fn time_of(&self, step: &PassedStep) -> f64 {
+        step.time - self.offset(step) * step.increment
+    }
+
+    /// Brings data and rates from where the equations of a step stand to its end.
+    pub(super) fn go_to_end(&mut self, step: &PassedStep) -> Result<(), Box<Diagnostic>> {
+        if let Some((rates, past)) = self.solving.system.rates_and_past() {
+            rates.finish(&mut step.u.clone(), &past.unknowns);
+        }
+        self.solving.set_data(step.time, step.increment).map_err(|e| not_made(&e.to_string()))
+    }
+
+    /// What laws take of a step, at its end or where its equations stand.
+    pub(super) fn step_of(&self, time: f64, step: &PassedStep) -> StepAt {
+        self.solving.system.step_at(time, step.increment)
     }
 
     /// The rates of the step.

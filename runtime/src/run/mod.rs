@@ -52,6 +52,7 @@ pub use memory::Memory;
 pub use options::RunOptions;
 pub use outcome::{KeptStep, KeptTable, Outcome, save};
 pub use progress::{Progress, Quiet};
+pub(crate) use rates::{Mass, mass_at_start, prescribed_differences};
 pub(crate) use report::put_expectations;
 pub use session::{Session, Standing};
 pub use state::State as RunState;
