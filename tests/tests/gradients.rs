@@ -427,6 +427,14 @@ fn second_rates_in_every_scheme() {
             differences(&text, result, &["E", "rho", "eta", "rate", "v0"], &found);
         }
     }
+    // explicit steps, with mass and damping on the diagonal
+    let text = STRUCK.replace("newmark beta=1/4 gamma=1/2", "explicit").replace("by 0.125", "by 0.05");
+    let text = format!("{text}term damp on all : 0.2*eta*Dot_u*Test_u\n");
+    let results = "stress, end, sum(speed), speed at t=0, mean(end)";
+    let found = of(text.clone(), &[], results, "E, rho, eta, rate, v0, field weight");
+    for result in results.split(", ") {
+        differences(&text, result, &["E", "rho", "eta", "rate", "v0"], &found);
+    }
     // first rates by Newmark's rule follow from the equations, too
     let text = CREEPING.replace("scheme backward_euler", "scheme newmark beta=1/4 gamma=1/2");
     let results = "stress, end, mean(stress)";

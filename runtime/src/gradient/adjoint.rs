@@ -1,11 +1,14 @@
 //! From the last step to the first one: a solution with the transposed tangent for each step and result.
 
 mod beginning;
+mod explicit;
 
 use std::collections::BTreeMap;
 
 use wfl::Diagnostic;
 use wfl_compiler::types::{FieldId, FieldKind, RateOrder};
+
+use explicit::OfLumped;
 
 use super::{
     Differentiated, Gradient, Gradients, Request,
@@ -53,6 +56,8 @@ struct Sums {
     live: Vec<f64>,
     /// By data field, over all steps.
     data: Vec<Vec<f64>>,
+    /// What is followed of mass and damping of explicit steps.
+    lumped: OfLumped,
 }
 
 /// What is known of all results on the way back.
@@ -142,7 +147,11 @@ impl Backwards<'_, '_> {
     ) -> Result<(Vec<Sums>, Vec<NearKink>), Box<Diagnostic>> {
         let trajectory = self.standing.trajectory;
         let zero = self.nothing();
-        let of_one = || Sums { live: vec![0.0; self.extended.n_live()], data: zero.known.to_vec() };
+        let of_one = || Sums {
+            live: vec![0.0; self.extended.n_live()],
+            data: zero.known.to_vec(),
+            lumped: OfLumped::new(zero.u.len()),
+        };
         let (results, n_sums) = (&asked.weighed, asked.values.len());
         let nothing = vec![zero.clone(); n_sums];
         let mut found = Found {
@@ -154,66 +163,78 @@ impl Backwards<'_, '_> {
         for Direct { into, live, .. } in &asked.direct {
             add(&mut found.sums[*into].live, live);
         }
-        for n in (0..trajectory.steps.len()).rev() {
-            let step = &trajectory.steps[n];
-            let is_read = ends.get(&n).is_some_and(|end| results.iter().any(|w| w.steps[*end] != 0.0));
-            if !is_read && found.end.iter().all(Cotangent::is_zero) {
+        for (n, step) in trajectory.steps.iter().enumerate().rev() {
+            let of_end = |end: &usize| results.iter().map(|w| (w, w.steps[*end])).filter(|r| r.1 != 0.0).collect();
+            let read: Vec<(&Weighed, f64)> = ends.get(&n).map(of_end).unwrap_or_default();
+            if read.is_empty() && found.end.iter().all(Cotangent::is_zero) {
                 continue;
             }
-            self.standing.at(n)?;
-            let time = self.standing.time_of(step);
             found.start.clone_from(&nothing);
-            let is_within = self.standing.offset(step) != 0.0;
-            if is_within {
-                self.standing.go_to_end(step)?;
-            }
-            self.laws.set_step(self.standing.step_of(step.time, step));
-            if let Some(end) = ends.get(&n) {
-                let read = results.iter().map(|w| (w, w.steps[*end])).filter(|r| r.1 != 0.0);
-                self.of_results(&read.collect::<Vec<_>>(), (n, step), kinks, &mut found)?;
-            }
-            if is_within {
-                for (end, sum) in found.end.iter_mut().zip(&mut found.sums) {
-                    self.of_data((step.time, step.increment), end, sum)?;
-                    self.standing.solving.data.iter().for_each(|(field, _)| end.known[*field].fill(0.0));
-                }
-                self.standing.at(n)?;
-                self.laws.set_step(self.standing.step_of(time, step));
-            }
-            if let Some(rates) = &step.rates {
-                found.of_rates(rates);
-                let ends = found.end.iter_mut().zip(&mut found.start).filter(|_| is_within);
-                ends.for_each(|(end, start)| rates.follow_extrapolation(&mut end.u, &mut start.u));
-            }
-            if step.kind == Passed::Given {
-                for (end, start) in found.end.iter().zip(&mut found.start) {
-                    add(&mut start.u, &end.u);
-                    self.each_state(|k| add(&mut start.known[k], &end.known[k]));
-                }
-            } else {
-                join(&mut found.near, kinks.near(&self.standing.solving, &step.u, (time, step.increment), None));
-                self.tangent.is_new = true;
-                for ((end, start), sum) in found.end.iter_mut().zip(&mut found.start).zip(&mut found.sums) {
-                    self.of_states(step, end, start, sum)?;
-                    self.of_equations(step, end, start, sum)?;
-                }
-            }
-            for (end, sum) in found.end.iter().zip(&mut found.sums) {
-                self.of_data((time, step.increment), end, sum)?;
-            }
+            self.one_step((n, step), &read, kinks, &mut found)?;
             std::mem::swap(&mut found.end, &mut found.start);
         }
-        let beginning = Beginning::new(&mut self.standing)?;
-        if let Some(first) = trajectory.steps.first().filter(|_| beginning.is_some()) {
-            self.laws.set_step(self.standing.step_of(first.time, first));
-        }
+        let beginning =
+            if found.end.iter().all(Cotangent::is_zero) { None } else { Beginning::new(&mut self.standing)? };
         for (start, sum) in found.end.iter_mut().zip(&mut found.sums) {
-            if let Some(beginning) = &beginning {
+            if let (Some(beginning), Some(first)) = (&beginning, trajectory.steps.first()) {
+                self.standing.at(0)?;
+                self.laws.set_step(self.standing.step_of(first.time, first));
                 self.of_beginning(beginning, start, sum)?;
             }
             self.of_start(start, sum)?;
         }
         Ok((found.sums, found.near))
+    }
+
+    /// From the end of a step to its start; `read` are the results that it counts in.
+    fn one_step(
+        &mut self,
+        of: (usize, &PassedStep),
+        read: &[(&Weighed, f64)],
+        kinks: &Kinks,
+        found: &mut Found,
+    ) -> Result<(), Box<Diagnostic>> {
+        let (n, step) = of;
+        self.standing.at(n)?;
+        let (time, is_within) = (self.standing.time_of(step), self.standing.is_within(step));
+        if is_within {
+            self.standing.go_to_end(step)?;
+        }
+        self.laws.set_step(self.standing.step_of(step.time, step));
+        self.of_results(read, of, kinks, found)?;
+        if is_within {
+            for (end, sum) in found.end.iter_mut().zip(&mut found.sums) {
+                self.of_data((step.time, step.increment), end, sum)?;
+                self.standing.solving.data.iter().for_each(|(field, _)| end.known[*field].fill(0.0));
+            }
+            self.standing.at(n)?;
+            self.laws.set_step(self.standing.step_of(time, step));
+        }
+        if step.kind != Passed::Given {
+            join(&mut found.near, kinks.near(&self.standing.solving, &step.u, (time, step.increment), None));
+        }
+        let explicit = self.standing.solving.explicit.clone().filter(|_| step.kind == Passed::Explicit);
+        if let Some(rates) = step.rates.as_ref().filter(|_| explicit.is_none()) {
+            found.of_rates(rates);
+            let ends = found.end.iter_mut().zip(&mut found.start).filter(|_| is_within);
+            ends.for_each(|(end, start)| rates.follow_extrapolation(&mut end.u, &mut start.u));
+        }
+        self.tangent.is_new = true;
+        for ((end, start), sum) in found.end.iter_mut().zip(&mut found.start).zip(&mut found.sums) {
+            match (&explicit, step.kind) {
+                (Some(explicit), _) => self.of_explicit((step, explicit), end, start, sum)?,
+                (None, Passed::Given) => {
+                    add(&mut start.u, &end.u);
+                    self.each_state(|k| add(&mut start.known[k], &end.known[k]));
+                }
+                (None, _) => {
+                    self.of_states(step, end, start, sum)?;
+                    self.of_equations(step, end, start, sum)?;
+                }
+            }
+            self.of_data((time, step.increment), end, sum)?;
+        }
+        Ok(())
     }
 
     /// A result that changes with nothing.
@@ -346,7 +367,7 @@ impl Backwards<'_, '_> {
         rows.iter().for_each(|(dof, weight)| weights[*dof] += factor * weight);
         numbering.frames.turn_back(&mut weights);
         let weights = self.by_test_field(&weights);
-        self.evaluate(|of| of == Of::Term, &step.u, &weights)
+        self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &weights)
     }
 
     /// Numbers by dof as the values of the fields that stand for the test functions.
@@ -395,7 +416,7 @@ impl Backwards<'_, '_> {
         }
         let adjoint = self.tangent.solve(self.standing.solving.system, &step.u, &end.u, self.of.threads)?;
         let weights = self.by_test_field(&adjoint);
-        self.evaluate(|of| of == Of::Term, &step.u, &weights)?;
+        self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &weights)?;
         let rhs = end.u.clone();
         self.spread(-1.0, false, end, start, &mut sum.live);
         // what is left is the derivative in the prescribed values, and nothing at the free dofs

@@ -22,7 +22,8 @@ use crate::{
 
 /// What a scene with rates begins with.
 pub(super) struct Beginning {
-    mass: Mass,
+    /// Nothing where masses stand on the diagonal.
+    mass: Option<Mass>,
     /// By field with rates, its form and its dofs.
     fields: Vec<(RateForm, Range<usize>)>,
     /// Quotients of changes begin as the rates.
@@ -45,6 +46,9 @@ impl Beginning {
         let fields = rates.fields().iter().map(|of| (of.form, of.dofs.clone())).collect();
         let begins_with_rates = rates.scheme().most_order(RateForm::First) > 2 && of_a_list;
         standing.at(0)?;
+        if standing.solving.explicit.is_some() {
+            return Ok(Some(Self { mass: None, fields, begins_with_rates }));
+        }
         let mass = mass_at_start(&mut standing.solving, &step.u, (step.time, step.increment));
         let mass = mass.map_err(|e| not_made(&e.to_string()))?;
         if mass.leaves_some_out() {
@@ -52,7 +56,7 @@ impl Beginning {
             return Err(Box::new(d.help("a term with the second rate at every node")));
         }
         standing.at(0)?;
-        Ok(Some(Self { mass, fields, begins_with_rates }))
+        Ok(Some(Self { mass: Some(mass), fields, begins_with_rates }))
     }
 
     /// The highest rates by dof of forces by dof, both in the axes of the scene and zero where values are prescribed.
@@ -68,8 +72,8 @@ impl Beginning {
         numbering.gather(&turned, &mut own);
         let zero = vec![0.0; forces.len()];
         let mut out = zero.clone();
-        if own.iter().any(|x| *x != 0.0) {
-            let found = self.mass.rates(&own, transposed).map_err(|e| not_made(&e.to_string()))?;
+        if let Some(mass) = self.mass.as_ref().filter(|_| own.iter().any(|x| *x != 0.0)) {
+            let found = mass.rates(&own, transposed).map_err(|e| not_made(&e.to_string()))?;
             numbering.advance(&zero, &found, 1.0, &mut out);
         }
         Ok(out)

@@ -1,6 +1,7 @@
 //! From the first step to the last one: a solution with the tangent for each step and direction of the parameters.
 
 mod beginning;
+mod explicit;
 
 use wfl::Diagnostic;
 
@@ -96,6 +97,9 @@ struct Moving {
     rows: Vec<f64>,
     /// The rates of the step, and behind them those of what the fields move by; nothing in a scene without.
     rates: Option<Rates>,
+    /// What mass and damping of explicit steps move by, by dof.
+    mass: Vec<f64>,
+    damping: Vec<f64>,
 }
 
 /// The run, forwards.
@@ -181,7 +185,7 @@ impl Forwards<'_, '_> {
             self.data((first.time, first.increment), (&live, &fields), &mut before.known)?;
         }
         let (end, rows) = (before.clone(), Vec::new());
-        Ok(Moving { live, fields, before, end, rows, rates: None })
+        Ok(Moving { live, fields, before, end, rows, ..Moving::default() })
     }
 
     /// By direction, measure and step what the measure does; and the points between two branches.
@@ -218,7 +222,7 @@ impl Forwards<'_, '_> {
                 let at = (self.standing.time_of(step), step.increment);
                 near.push(kinks.near(&self.standing.solving, &step.u, at, None));
             }
-            if self.standing.offset(step) != 0.0 {
+            if self.standing.is_within(step) {
                 self.go_to_end(step, moving)?;
             }
             if let Some(end) = ends.get(&n) {
@@ -245,6 +249,9 @@ impl Forwards<'_, '_> {
         one.end.known.clone_from(&one.before.known);
         self.data(at, (&one.live, &one.fields), &mut one.end.known)?;
         one.rows.clear();
+        if let Some(explicit) = self.standing.solving.explicit.clone().filter(|_| step.kind == Passed::Explicit) {
+            return self.explicit(step, &explicit, one);
+        }
         let n = self.extended.n;
         let of_rates = step.rates.as_ref().map(|rates| (rates, rates.along(&one.before.kept)));
         one.rates = of_rates.as_ref().map(|(rates, along)| rates.with_behind(along, n));
@@ -275,6 +282,21 @@ impl Forwards<'_, '_> {
                 step.time
             )));
         }
+        self.states(step, one);
+        if let Some((_, along)) = of_rates {
+            // what the equations were solved for goes to the end of the step
+            let mut end = one.end.u.clone();
+            if self.standing.offset(step) != 0.0 {
+                along.extrapolate(&mut end, &one.before.u);
+            }
+            one.end.kept = along.kept_at(&end, &one.before.u);
+            one.end.u = end;
+        }
+        Ok(())
+    }
+
+    /// Renews what the states move by.
+    fn states(&self, step: &PassedStep, one: &mut Moving) {
         let next: Vec<Option<Vec<f64>>> = {
             let values = self.standing.solving.system.values(&step.u);
             let (current, previous) = self.values(&values, one);
@@ -288,16 +310,6 @@ impl Forwards<'_, '_> {
                 None => one.end.known[state.field].fill(0.0),
             }
         }
-        if let Some((_, along)) = of_rates {
-            // what the equations were solved for goes to the end of the step
-            let mut end = one.end.u.clone();
-            if self.standing.offset(step) != 0.0 {
-                along.extrapolate(&mut end, &one.before.u);
-            }
-            one.end.kept = along.kept_at(&end, &one.before.u);
-            one.end.u = end;
-        }
-        Ok(())
     }
 
     /// Brings equations and directions from where the equations of a step stand to its end.
@@ -348,13 +360,23 @@ impl Forwards<'_, '_> {
 
     /// What the equations change by, by dof.
     fn residual(&mut self, step: &PassedStep, one: &Moving) -> Result<Vec<f64>, Box<Diagnostic>> {
+        self.residual_of(step, one, |_| true)
+    }
+
+    /// What some terms of them change by.
+    fn residual_of(
+        &mut self,
+        step: &PassedStep,
+        one: &Moving,
+        wanted: impl Fn(usize) -> bool,
+    ) -> Result<Vec<f64>, Box<Diagnostic>> {
         let mut out = std::mem::take(&mut self.out);
         out.fill(0.0);
         let system = &self.standing.solving.system;
         let values = system.values(&step.u);
         let (current, previous) = self.values(&values, one);
         let made = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
-        self.laws.residual(self.extended, made, &mut out)?;
+        self.laws.residual(self.extended, made, wanted, &mut out)?;
         let mut by_dof = vec![0.0; system.numbering.n_dofs];
         for k in 0..self.extended.n {
             if let Some(range) = system.range(k) {

@@ -133,7 +133,7 @@ impl Asked {
         let (measure, declared) = extended.measures[number];
         let (name, scene) = (&declared.name.name, extended.scene);
         if let Some(rows) = measure.rows() {
-            if scene.system.rates().is_some_and(|r| r.scheme().offset() != 0.0) {
+            if scene.explicit.is_some() || scene.system.rates().is_some_and(|r| r.scheme().offset() != 0.0) {
                 return Err(within(name, declared.expr.span));
             }
             if scene.system.numbering.has_ties() {

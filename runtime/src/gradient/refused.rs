@@ -104,12 +104,15 @@ pub fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic
         let d = message("several ranks have no derivatives yet").help("run it without mpirun");
         return Some(placed(d, steps()));
     }
-    if scene.explicit.is_some() || system.redistribution().is_some() {
-        let d = message("the rates of this scheme have no derivatives yet");
-        let d = d.help(
-            "backward Euler, backward differentiation, Newmark's rule and generalised alpha have them, with mass at every node; \
-             differences of whole runs do for the others: wfl sweep",
-        );
+    let turned = || !system.numbering.frames.list().is_empty() || system.numbering.has_ties();
+    if scene.explicit.is_some() && turned() {
+        let d =
+            message("explicit steps with inclined supports, or with nodes that follow others, have no derivatives yet");
+        return Some(placed(d.help("`scheme newmark` has them"), steps()));
+    }
+    if system.redistribution().is_some() {
+        let d = message("nodes without mass have no derivatives yet");
+        let d = d.help("without `massless`, every scheme has them; differences of whole runs: wfl sweep");
         return Some(placed(d, steps()));
     }
     if let Some(d) = without_rate(scene, script) {

@@ -57,6 +57,8 @@ pub enum Passed {
     Part,
     /// A step of the scene.
     Step,
+    /// An explicit step of the scene: no equation was solved, and its laws stand in it with rates half a step before its end.
+    Explicit,
 }
 
 impl Passed {

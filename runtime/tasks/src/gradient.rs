@@ -332,7 +332,7 @@ fn solved(of: Verified<'_>, other: Option<(&str, f64, &Chosen)>) -> Result<(Load
         let errors = loaded.messages.iter().filter(|d| d.is_error());
         return Err(errors.map(|d| wfl::render(d, &loaded.sources, false)).collect::<Vec<_>>().join("\n"));
     };
-    if let Some((_, _, chosen)) = other.filter(|_| scene.steps.auto.is_some()) {
+    if let Some((_, _, chosen)) = other.filter(|_| scene.steps.auto.is_some() || scene.explicit.is_some()) {
         scene.follow_steps(&chosen.times, chosen.orders.clone()).map_err(|e| format!("{e}\n"))?;
     }
     scene.newton.tolerance = scene.newton.tolerance.min(TOLERANCE);

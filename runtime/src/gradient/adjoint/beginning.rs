@@ -5,7 +5,7 @@ use wfl::Diagnostic;
 use super::{Backwards, Cotangent, Of, Sums, add};
 use crate::{
     gradient::{
-        beginning::{Beginning, parted},
+        beginning::{AtStart, Beginning, parted},
         refused::not_made,
         standing::AGREEMENT,
     },
@@ -25,12 +25,16 @@ impl Backwards<'_, '_> {
         let trajectory = self.standing.trajectory;
         let step = &trajectory.steps[0];
         let n_dofs = start.u.len();
+        if let Some(explicit) = self.standing.solving.explicit.clone() {
+            self.of_explicit_start(&explicit, start, sum)?;
+            return self.of_given_rates(&beginning.from_kept(&start.kept, n_dofs), sum);
+        }
         let mut rates = beginning.from_kept(&start.kept, n_dofs);
         let highest = beginning.of_highest(&rates);
         let numbering = &self.standing.solving.system.numbering;
         let adjoint = beginning.highest(numbering, &highest, true)?;
         let weights = self.by_test_field(&adjoint);
-        self.evaluate(|of| of == Of::Term, &step.u, &weights)?;
+        self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &weights)?;
         let (mut now, mut past) = (self.nothing(), self.nothing());
         self.spread(-1.0, false, &mut now, &mut past, &mut sum.live);
         // nothing lies between both
@@ -50,6 +54,13 @@ impl Backwards<'_, '_> {
         }
         // at free dofs the equations give them, whatever they were
         beginning.each_highest(&mut rates, |d, rate| *rate -= left[d]);
+        self.of_given_rates(&rates, sum)
+    }
+
+    /// First rates that are given, and both of prescribed values.
+    fn of_given_rates(&self, rates: &AtStart, sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
+        let step = &self.standing.trajectory.steps[0];
+        let numbering = &self.standing.solving.system.numbering;
         let [first_fixed, first] = parted(numbering, &rates.first);
         let [second_fixed, _] = parted(numbering, &rates.second);
         for (later, of_first, of_second, length) in prescribed_differences(step.increment) {

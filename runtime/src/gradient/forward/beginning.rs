@@ -40,10 +40,15 @@ impl Forwards<'_, '_> {
             let [_, free] = parted(numbering, rates);
             *rates = fixed.iter().zip(&free).map(|(a, b)| a + b).collect();
         }
+        let rates = step.rates.as_ref().expect("a scene with rates");
+        if let Some(explicit) = self.standing.solving.explicit.clone() {
+            one.before.kept = beginning.kept(rates, &moved);
+            one.end = one.before.clone();
+            return self.explicit_start(&explicit, one);
+        }
         // at free dofs the equations give the highest ones
         let [_, free] = parted(numbering, &beginning.of_highest(&moved));
         beginning.each_highest(&mut moved, |d, rate| *rate -= free[d]);
-        let rates = step.rates.as_ref().expect("a scene with rates");
         one.end = one.before.clone();
         one.rates = Some(rates.with_behind(&rates.along(&beginning.kept(rates, &moved)), self.extended.n));
         let forces: Vec<f64> = self.residual(step, one)?.iter().map(|x| -x).collect();
