@@ -17,7 +17,7 @@ use wfl_compiler::backend::KernelBackend;
 use wfl_jit::JitBackend;
 use wfl_runtime::{
     Outcome, Quiet, RunOptions, Scene,
-    gradient::{Differentiated, Gradients, Request, gradients},
+    gradient::{Differentiated, Gradients, Request, gradients, settle},
     prepare, run,
 };
 
@@ -162,12 +162,12 @@ fn scene_and_messages(
     edits: &[(&str, String)],
     params: &[(&str, f64)],
     backend: &dyn KernelBackend,
-) -> (Option<Scene>, String) {
+) -> (Option<(Scene, ResolvedScript)>, String) {
     let (script, sources, mut messages) = script_and_messages(folder, text, edits, params);
     let Some(script) = script else { return (None, messages) };
     let made = prepare(&script, folder, backend);
     messages += &told(&made.diagnostics, &sources);
-    (made.scene, messages)
+    (made.scene.map(|scene| (scene, script)), messages)
 }
 
 /// Prepares a scene of `folder` from its text; `edits` are replaced in every file.
@@ -182,7 +182,7 @@ pub fn prepared(
     backend: &dyn KernelBackend,
 ) -> Result<Scene, String> {
     let (scene, messages) = scene_and_messages(folder, text, edits, params, backend);
-    scene.ok_or(messages)
+    scene.map(|(scene, _)| scene).ok_or(messages)
 }
 
 /// What became of a scene, solved or not.
@@ -245,10 +245,20 @@ pub fn attempt_with(
 ) -> Attempt {
     let backend = JitBackend::new().expect("machine code on this processor");
     let (scene, mut messages) = scene_and_messages(folder, text, edits, params, &backend);
-    let Some(scene) = scene else { return Attempt { solved: None, messages } };
-    let options = RunOptions { keep_states: true, ..options.clone() };
+    let Some((scene, script)) = scene else { return Attempt { solved: None, messages } };
+    let states_some = !script.gradients.is_empty();
+    let keep_trajectory = options.keep_trajectory || states_some;
+    let options = RunOptions { keep_states: true, keep_trajectory, ..options.clone() };
     match run(&scene, &options, &mut Quiet) {
-        Ok(outcome) => Attempt { solved: Some(Solved { scene, outcome }), messages },
+        Ok(mut outcome) => {
+            if states_some
+                && outcome.converged()
+                && let Err(d) = settle((&scene, &script), (&backend, options.threads), None, &mut outcome)
+            {
+                return Attempt { solved: None, messages: messages + &d.message };
+            }
+            Attempt { solved: Some(Solved { scene, outcome }), messages }
+        }
         Err(error) => {
             messages += &error.to_string();
             Attempt { solved: None, messages }

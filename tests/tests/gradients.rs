@@ -378,6 +378,78 @@ fn first_rates_by_backward_differentiation() {
     }
 }
 
+/// A bar with inertia that is struck, drawn and damped: first and second rates, given and prescribed ones where time starts, a
+/// state, and rates as results.
+const STRUCK: &str = "wfl 1
+param E = 3
+param rho = 2
+param eta = 0.5
+param rate = 0.7
+param v0 = 0.3
+mesh box [0] to [1] cells [4]
+region left = faces where x == 0
+region right = faces where x == 1
+unknown u : scalar
+data weight : scalar = rho*(1 + x)
+state creep : scalar := creep + timestep*0.3*(Grad_u(1) - creep)
+term inertia on all : weight*Dot2_u*Test_u
+term stress on all : E*(Grad_u(1) + Grad_u(1)^3 - creep)*Grad_Test_u(1) + eta*Dot_u*Test_u + 0.1*t*rho*Test_u
+fix u = 0.1*v0*sin(t) on left
+fix u = 0.1*rate + v0*t + rate*t^2 on right
+start u = 0.1*rate*x
+start Dot_u = v0*x^2*rho
+scheme newmark beta=1/4 gamma=1/2
+steps t = 0 to 1 by 0.125
+measure stress = mean(E*(Grad_u(1) - creep)) on all
+measure end = value(u) at [0.5]
+measure speed = integral(Dot_u^2 + 0.01*rho*Dot2_u*x) on all
+";
+
+#[test]
+fn second_rates_in_every_scheme() {
+    for scheme in [
+        "newmark beta=1/4 gamma=1/2",
+        "newmark beta=0.3025 gamma=0.6",
+        "bdf2",
+        "bdf3",
+        "generalised_alpha rho_inf=0.5",
+        "hht alpha=-0.1",
+    ] {
+        let mut text = STRUCK.replace("newmark beta=1/4 gamma=1/2", scheme);
+        if scheme.contains("alpha") {
+            // where equations stand within a step no state is renewed
+            let state = text.lines().find(|l| l.starts_with("state ")).expect("a state").to_owned();
+            text = text.replace(&format!("{state}\n"), "").replace(" - creep", "");
+        }
+        let results = "stress, end, sum(speed), speed at t=0, mean(end)";
+        let found = of(text.clone(), &[], results, "E, rho, eta, rate, v0, field weight");
+        for result in results.split(", ") {
+            differences(&text, result, &["E", "rho", "eta", "rate", "v0"], &found);
+        }
+    }
+    // explicit steps, with mass and damping on the diagonal
+    let text = STRUCK.replace("newmark beta=1/4 gamma=1/2", "explicit").replace("by 0.125", "by 0.05");
+    let text = format!("{text}term damp on all : 0.2*eta*Dot_u*Test_u\n");
+    let results = "stress, end, sum(speed), speed at t=0, mean(end)";
+    let found = of(text.clone(), &[], results, "E, rho, eta, rate, v0, field weight");
+    for result in results.split(", ") {
+        differences(&text, result, &["E", "rho", "eta", "rate", "v0"], &found);
+    }
+    // first rates by Newmark's rule follow from the equations, too
+    let text = CREEPING.replace("scheme backward_euler", "scheme newmark beta=1/4 gamma=1/2");
+    let results = "stress, end, mean(stress)";
+    let found = of(text.clone(), &[], results, "E, eta, rate");
+    results.split(", ").for_each(|result| differences(&text, result, &["E", "eta", "rate"], &found));
+    let inclined = "wfl 1\nparam E = 3\nparam v = 0.4\nparam rho = 2\nmesh box [0,0] to [1,1] cells [3,3] quad map [x + 0.4*y, y]\n\
+                    region side = faces where x == 0.4*y\nregion top = faces where y == 1\nunknown u : vector\n\
+                    term inertia on all : rho*Dot2_u.Test_u\nterm body on all : E*Sym(Grad_u):Sym(Grad_Test_u)\n\
+                    fix u.Normal = 0.1*v*(t + t^2) on side\nstart Dot_u = [v*x, rho*y]\nload u = [0,v*rho*t] on top\n\
+                    scheme generalised_alpha rho_inf=0.6\nsteps t = 0 to 0.5 by 0.125\n\
+                    measure top = mean(u(1) + 2*u(2)) on top\nmeasure speed = integral(Dot_u.Dot_u) on all\n";
+    let found = of(inclined.to_owned(), &[], "top, speed, sum(speed)", "E, v, rho");
+    ["top", "speed", "sum(speed)"].iter().for_each(|r| differences(inclined, r, &["E", "v", "rho"], &found));
+}
+
 /// A parameter within a rate is also in what the rate reads of the step before.
 #[test]
 fn parameters_within_rates() {
@@ -408,9 +480,13 @@ fn what_has_no_derivative_is_told_with_its_place() {
         .replace("to 1.75 by", "to last by")
         .replace("param d ", "param last = 1.75\nparam d ");
     assert!(refused(&steps, "slip", "last").contains("stands in `steps`"));
-    let dynamic = CREEPING.replace("scheme backward_euler", "scheme newmark beta=1/4 gamma=1/2");
-    let told = refused(&dynamic, "end", "E");
-    assert!(told.contains("rates of this scheme") && told.contains("scene.wfl:14:"), "{told}");
+    let held = CREEPING.replace("scheme backward_euler", "scheme newmark beta=1/4 gamma=1/2");
+    let held = held.replace(
+        "unknown u : scalar\n",
+        "unknown u : scalar\nunknown p : scalar\nterm other on all : (p - u)*Test_p\n",
+    );
+    let told = refused(&held, "end", "E");
+    assert!(told.contains("`p` has no rate") && told.contains("scene.wfl:9:"), "{told}");
 }
 
 /// A safe parameter of Nitsche's method is found by the run: others have the derivatives that they have beside its number.
@@ -476,4 +552,54 @@ fn parameters_of_several_numbers_and_parameters_made_of_others() {
         assert_eq!((name.as_str(), entries.len()), ("pull", 2));
         assert!((entries[k] - central).abs() < 1e-6 * central.abs(), "{entries:?} {central}");
     }
+}
+
+/// Numbers made of measures follow the measures and the parameters in their arithmetic, through each other.
+#[test]
+fn numbers_made_of_measures_follow_their_arithmetic() {
+    let text = format!(
+        "{BLOCKS}{INCREMENTS}measure ratio = fric*shear/(slip + d)\n\
+         measure more = (ratio*slip^2 + t*integral(uR(2)^2))/E + max(ratio, 0) on right\n"
+    );
+    let found = of(text.clone(), &[], "ratio, more, sum(more), slip, shear, ratio at t=1", "E, fric, d");
+    let value = |name: &str| found.results.iter().find(|r| r.name == name).expect("a result").value;
+    let (fric, d) = (0.4, 3e-3);
+    let (slip, shear) = (value("slip"), value("shear"));
+    for (parameter, own) in [("E", 0.0), ("fric", shear / (slip + d)), ("d", -fric * shear / ((slip + d) * (slip + d)))]
+    {
+        let [of_slip, of_shear] = ["slip", "shear"].map(|name| found.number(name, parameter).expect("a derivative"));
+        let closed = own + fric * (of_shear / (slip + d) - shear * of_slip / ((slip + d) * (slip + d)));
+        let made = found.number("ratio", parameter).expect("a derivative");
+        assert!((made - closed).abs() < 1e-12 * closed.abs().max(made.abs()), "{parameter}: {made} {closed}");
+    }
+    for result in ["more", "sum(more)", "ratio at t=1"] {
+        differences(&text, result, &["E", "fric", "d"], &found);
+    }
+    // a number that only counts has no derivative
+    let jumps = format!("{BLOCKS}{NITSCHE}measure late = if slip > 0.001 then 1 else 0\n");
+    let told = differentiated((Path::new("."), jumps), &[], &[], "late", "fric").err().expect("refused");
+    assert!(told.contains("jumps and does not slide") && told.contains("scene.wfl:"), "{told}");
+    let kink = format!("{BLOCKS}{NITSCHE}measure bound = max(slip, d - (d - slip))\n");
+    let found = of(kink, &[], "bound", "fric");
+    assert!(found.near.iter().any(|near| near.finding().line().contains("`bound` is between two branches")));
+}
+
+/// Derivatives that a scene states are known to its expectations, each of the shape of its parameter.
+#[test]
+fn a_scene_states_derivatives_and_expects_them() {
+    let stated = "param both = [0, 0]\nmeasure k = slip/d + both(1)*slip\ngradient slip, sum(shear), slip at t = 0.5 + 0.5 with fric, d\n\
+                  gradient k with both\nexpect slip_by_fric < 0 and slip_by_d > 0\n\
+                  expect abs(k_by_both(1)/slip - 1) < 1e-12 and k_by_both(2) == 0\n";
+    let text = format!("{BLOCKS}{INCREMENTS}{stated}");
+    let solved = wfl_tests::solved(text.clone());
+    assert!(!solved.outcome.expectations.is_empty());
+    assert!(solved.outcome.expectations.iter().all(|e| e.1 == Some(true)), "{:?}", solved.outcome.expectations);
+    let wrong = wfl_tests::solved(text.replace("slip_by_d > 0", "slip_by_d < 0"));
+    assert!(wrong.outcome.expectations.iter().any(|e| e.1 == Some(false)));
+    let refused = |from: &str, to: &str| wfl_tests::refused(&text.replace(from, to));
+    assert!(refused("gradient slip,", "gradient slap,").contains("E471"));
+    assert!(refused("with fric, d", "with frick, d").contains("did you mean `fric`"));
+    assert!(refused("slip at t =", "slip at s =").contains("E471"));
+    assert!(refused("= 0.5 + 0.5 with", "= 0.6 with").contains("nearest one ends at"));
+    assert!(refused("slip_by_d > 0", "slip_by_nu > 0").contains("slip_by_nu"));
 }

@@ -56,7 +56,8 @@ fn adjoint(
     refused: &mut Vec<String>,
 ) -> Result<(Request, Vec<Gradient>, usize), Box<Diagnostic>> {
     let script = of.script;
-    let mut measures: Vec<String> = script.measures.iter().map(|m| m.name.name.clone()).collect();
+    let numbers = script.computed.iter().map(|c| c.name.name.clone());
+    let mut measures: Vec<String> = script.measures.iter().map(|m| m.name.name.clone()).chain(numbers).collect();
     let data = script.fields.iter().filter(|f| matches!(f.kind, FieldKind::Data { .. }));
     let mut request = Request {
         parameters: script
@@ -204,6 +205,10 @@ fn forward_and_adjoint_agree_in_small_examples() {
         "creep/kelvin.wfl",
         "creep/maxwell.wfl",
         "dg/poisson.wfl",
+        "dynamics/bar.wfl",
+        "dynamics/column.wfl",
+        "dynamics/rod.wfl",
+        "dynamics/vibration.wfl",
         "elasticity/rollers.wfl",
         "fault/augmented_lagrangian.wfl",
         "friction/weakening.wfl",
@@ -234,21 +239,8 @@ const LARGE: [&str; 10] = [
     "surfaces/penny.wfl",
 ];
 
-/// Examples without derivatives yet: second rates, rates that are read where time starts, images that move.
-const WITHOUT: [&str; 12] = [
-    "dynamics/bar.wfl",
-    "dynamics/bars.wfl",
-    "dynamics/column.wfl",
-    "dynamics/rod.wfl",
-    "dynamics/sliding.wfl",
-    "dynamics/slip_weakening.wfl",
-    "dynamics/sphere.wfl",
-    "dynamics/tpv205.wfl",
-    "dynamics/vibration.wfl",
-    "sliding/ironing.wfl",
-    "sliding/shrink_fit.wfl",
-    "sliding/slot.wfl",
-];
+/// Examples without derivatives yet: nodes without mass, images that move.
+const WITHOUT: [&str; 4] = ["dynamics/bars.wfl", "sliding/ironing.wfl", "sliding/shrink_fit.wfl", "sliding/slot.wfl"];
 
 /// Every example that has derivatives, and those that have none.
 #[test]
@@ -349,4 +341,126 @@ fn the_parameter_that_was_asked_for_is_told() {
         told.contains("`a` stands in `steps` by `last`, which is made of it") && told.contains("scene.wfl:10"),
         "{told}"
     );
+}
+
+/// Friction on a fault from displacements at the surface: 16 strengths at its nodes, 8 stations at 12 steps.
+const BURIED: &str = "wfl 1
+PARAMS
+mesh box [0,-2] to [4,0] cells [16,16] quad
+region fault = faces where x == 0 and y >= -1
+region below = faces where x == 0 and y <= -1
+region far = faces where x == 4
+unknown u : scalar
+multiplier tau : scalar on fault
+def hat(s) = pos_part(1 - abs(s)*16)
+data strength : scalar on fault = SUM
+term bulk on all : Grad_u.Grad_Test_u
+term shear on fault : tau*Test_u
+term law on fault : -1/8*(tau - Ball_projection(tau + 8*(u - Previous_u), strength))*Test_tau
+quadrature on fault vertex
+fix u = 0 on below
+fix u = (if t <= 6 then t/4 else (if t <= 9 then 4.5 - t/2 else t*0.625 - 5.5)) on far
+steps t = 1 to 12 by 1
+";
+const NODES: usize = 16;
+const STATIONS: usize = 8;
+
+/// The scene with these strengths, the deepest one first.
+fn buried(strengths: &[f64]) -> String {
+    let depth = |k: usize| f64::from(u32::try_from(NODES - 1 - k).expect("few")) / 16.0;
+    let params: Vec<String> = strengths.iter().enumerate().map(|(k, b)| format!("param b{k} = {b:?}")).collect();
+    let sum: Vec<String> = (0..NODES).map(|k| format!("b{k}*hat(y + {:?})", depth(k))).collect();
+    let stations: String =
+        (1..=STATIONS).map(|k| format!("measure s{k} = value(u) at [{:?},0]\n", 0.25 * k as f64)).collect();
+    BURIED.replace("PARAMS", &params.join("\n")).replace("SUM", &sum.join(" + ")) + &stations
+}
+
+/// Displacements over the noise and their derivatives by row, at all stations and steps.
+fn displacements(strengths: &[f64], noise: f64) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let names = |letter: &str, list: std::ops::Range<usize>| -> String {
+        list.map(|k| format!("{letter}{k}")).collect::<Vec<_>>().join(", ")
+    };
+    let request = Request::read(&names("s", 1..STATIONS + 1), &names("b", 0..NODES)).expect("names");
+    let of = |of: Differentiated<'_>| jacobian_by(of, &request, Mode::Tangents);
+    let (solved, made) = ran((Path::new("."), buried(strengths)), &[], &[], of).unwrap_or_else(|e| panic!("{e}"));
+    let values = solved.outcome.steps.iter().flat_map(|s| s.measures.iter().map(|m| m.1 / noise)).collect();
+    (values, made.values.chunks(NODES).map(|row| row.iter().map(|x| x / noise).collect()).collect())
+}
+
+/// The solution of a small symmetric system.
+fn solution(mut matrix: Vec<Vec<f64>>, mut rhs: Vec<f64>) -> Vec<f64> {
+    let n = rhs.len();
+    for k in 0..n {
+        for row in k + 1..n {
+            let factor = matrix[row][k] / matrix[k][k];
+            for column in k..n {
+                matrix[row][column] -= factor * matrix[k][column];
+            }
+            rhs[row] -= factor * rhs[k];
+        }
+    }
+    for k in (0..n).rev() {
+        let known: f64 = (k + 1..n).map(|j| matrix[k][j] * rhs[j]).sum();
+        rhs[k] = (rhs[k] - known) / matrix[k][k];
+    }
+    rhs
+}
+
+/// Gauss and Newton's method with the Jacobian, from a constant guess, with less and less weight of a smooth prior: 96 data
+/// are met within their noise in at most 50 runs, which is what an independent program needed.
+#[test]
+fn friction_on_a_fault_is_found_from_displacements() {
+    const NOISE: f64 = 1e-4;
+    let depth = |k: usize| -(f64::from(u32::try_from(NODES - 1 - k).expect("few")) / 16.0);
+    let truth: Vec<f64> = (0..NODES).map(|k| 0.10 + 0.15 * (-((depth(k) + 0.45) / 0.15f64).powi(2)).exp()).collect();
+    let mut sequence = Sequence(39);
+    let mut normal = || (0..12).map(|_| sequence.number()).sum::<f64>() / 2.0;
+    let data: Vec<f64> = displacements(&truth, NOISE).0.iter().map(|x| x + normal()).collect();
+    let mut runs = 0;
+    let mut look = |b: &[f64]| {
+        runs += 1;
+        displacements(b, NOISE)
+    };
+    let misfit = |values: &[f64]| values.iter().zip(&data).map(|(x, d)| (x - d) * (x - d)).sum::<f64>();
+    let rough = |b: &[f64]| b.windows(2).map(|w| (w[1] - w[0]) * (w[1] - w[0])).sum::<f64>();
+    let mut b = vec![0.12; NODES];
+    let mut found = look(&b);
+    for weight in [1e7, 1e6, 1e5, 1e4] {
+        let cost = |values: &[f64], b: &[f64]| misfit(values) + weight * rough(b);
+        let mut damping = 1e-3;
+        for _ in 0..12 {
+            let (values, rows) = &found;
+            let mut matrix = vec![vec![0.0; NODES]; NODES];
+            let mut rhs = vec![0.0; NODES];
+            for (row, (x, d)) in rows.iter().zip(values.iter().zip(&data)) {
+                for i in 0..NODES {
+                    rhs[i] -= row[i] * (x - d);
+                    (0..NODES).for_each(|j| matrix[i][j] += row[i] * row[j]);
+                }
+            }
+            for k in 0..NODES - 1 {
+                for (i, sign) in [(k, -1.0), (k + 1, 1.0)] {
+                    rhs[i] -= weight * sign * (b[k + 1] - b[k]);
+                    matrix[i][k] -= weight * sign;
+                    matrix[i][k + 1] += weight * sign;
+                }
+            }
+            (0..NODES).for_each(|k| matrix[k][k] *= 1.0 + damping);
+            let step = solution(matrix, rhs);
+            let next: Vec<f64> = b.iter().zip(&step).map(|(b, s)| (b + s).clamp(1e-3, 1.0)).collect();
+            let there = look(&next);
+            let (before, after) = (cost(values, &b), cost(&there.0, &next));
+            if after < before {
+                (b, found, damping) = (next, there, damping * 0.1);
+            } else {
+                damping = (damping * 10.0).max(1e-3);
+            }
+            if (before - after).abs() < 1e-2 * before {
+                break;
+            }
+        }
+    }
+    let error = b.iter().zip(&truth).map(|(b, t)| (b - t).abs()).fold(0.0, f64::max);
+    let met = misfit(&found.0);
+    assert!(runs <= 50 && met < 96.0 && error < 0.05, "{runs} runs, misfit {met}, error {error}: {b:?}");
 }

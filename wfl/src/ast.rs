@@ -5,8 +5,10 @@
 
 use crate::{lost::Lost, source::Span};
 
+mod derivatives;
 mod expression;
 
+pub use derivatives::{AtSteps, Differentiated, Gradients};
 pub use expression::{
     Argument, CmpOp, Cond, CondKind, Expansion, ExpansionId, Expansions, Expr, ExprKind, Ident, MulOp,
 };
@@ -529,6 +531,8 @@ pub enum ItemKind {
         /// Where the reductions in the condition are taken.
         places: Vec<Ident>,
     },
+    /// `gradient m with E, field k`
+    Gradient(Gradients),
     /// `expect c`
     Expect(Cond),
     /// `output vtk "name" every k when e : a, b as n along P to Q with …`

@@ -389,6 +389,7 @@ const FORMS: &[(&str, &str)] = &[
     ("output", "output vtk \"name\" : u, expression as name"),
     ("balance", "balance name of p, q"),
     ("event", "event name = max(expression) on region > 1"),
+    ("gradient", "gradient measure with parameter, field data"),
     ("expect", "expect measure < 1"),
 ];
 

@@ -26,12 +26,13 @@ pub const STATEMENTS: &[&str] = &[
     "measure",
     "balance",
     "event",
+    "gradient",
     "output",
     "expect",
 ];
 
-/// Words that start a statement and may be names, too: a term is often called `balance`.
-const ALSO_NAMES: &[&str] = &["balance"];
+/// Words that start a statement and may be names, too: a term is often called `balance`, an output `gradient`.
+const ALSO_NAMES: &[&str] = &["balance", "gradient"];
 
 /// Words inside statements; like [`STATEMENTS`] they cannot be names.
 pub const KEYWORDS: &[&str] = &[

@@ -57,9 +57,9 @@ pub use reference::{Phrase, StatementRow, phrases, statement_page, statement_row
 pub use render::{at_expr, render, visible};
 pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SCHEMES, SOLVERS, Unloaded, resolve};
 pub use script::{
-    Balance, Computed, Condition, DataValue, Event, Expect, Field, FieldKind, MacroInfo, Mapping, Measure, MeshStmt,
-    Output, OutputQuantity, Param, Quadrature, Refinement, Region, ResolvedScript, Scheme, Solver, Split, Start,
-    StartKind, Steps, Term, is_auto,
+    Balance, Computed, Condition, DataValue, Derivative, Event, Expect, Field, FieldKind, Gradient, MacroInfo, Mapping,
+    Measure, MeshStmt, Output, OutputQuantity, Param, Quadrature, Refinement, Region, ResolvedScript, Scheme, Solver,
+    Split, Start, StartKind, Steps, Term, is_auto,
 };
 pub use source::{Source, SourceId, SourceMap, Span};
 pub use tables::{Curve, Head, NoTable, Table};

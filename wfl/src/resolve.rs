@@ -4,6 +4,7 @@
 //! which knows shapes and places; here only macros among them are replaced.
 
 mod elsewhere;
+mod gradient;
 mod include;
 mod names;
 mod options;
@@ -129,6 +130,7 @@ fn empty(main: SourceId) -> ResolvedScript {
         computed: Vec::new(),
         balances: Vec::new(),
         events: Vec::new(),
+        gradients: Vec::new(),
         expects: Vec::new(),
         outputs: Vec::new(),
         macros: Vec::new(),
@@ -228,6 +230,7 @@ impl<'d> Resolver<'d> {
         let of_events = |event: &Event| Event::NUMBERS.map(|end| format!("{}{end}", event.name.name));
         let of_events: Vec<String> = s.events.iter().flat_map(of_events).collect();
         kept.extend(s.events.iter().map(|e| e.name.name.as_str()));
+        kept.extend(s.gradients.iter().flat_map(|g| &g.derivatives).map(|d| d.name.as_str()));
         kept.extend(of_events.iter().map(String::as_str));
         // a measure of an energy has no statement of its own
         let energies: Vec<String> = if s.scheme.is_some() {

@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use crate::{
-    ast::{BalancePart, Reduction, Refine, RegionExpr, Space, Target, Unit},
+    ast::{AtSteps, BalancePart, Differentiated, Reduction, Refine, RegionExpr, Space, Target, Unit},
     ast::{
         Cond, Domain, Expansions, Expr, ExprKind, Ident, MappingKind, MeasureAt, MeshSource, OptionItem, QuadratureRule,
     },
@@ -64,6 +64,8 @@ pub struct ResolvedScript {
     pub computed: Vec<Computed>,
     /// What begins and ends during the steps.
     pub events: Vec<Event>,
+    /// Derivatives to find.
+    pub gradients: Vec<Gradient>,
     /// Conditions that must hold at the end.
     pub expects: Vec<Expect>,
     /// Files to write.
@@ -432,6 +434,48 @@ pub struct Computed {
     pub watched: Vec<Measure>,
     /// The statement.
     pub span: Span,
+}
+
+/// `gradient Fn with E`: derivatives of measures in parameters and data fields.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gradient {
+    /// The measures, and at which steps.
+    pub results: Vec<Differentiated>,
+    /// As each is written.
+    pub texts: Vec<String>,
+    /// The parameters.
+    pub parameters: Vec<Ident>,
+    /// The data fields.
+    pub fields: Vec<Ident>,
+    /// Those that `expect` knows.
+    pub derivatives: Vec<Derivative>,
+    /// The statement.
+    pub span: Span,
+}
+
+/// `Fn_by_E`: what `expect` knows of a derivative.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Derivative {
+    /// Its name.
+    pub name: String,
+    /// The measure, at the last step.
+    pub measure: Ident,
+    /// The parameter.
+    pub parameter: Ident,
+}
+
+impl Derivative {
+    /// Those of a statement. Derivatives of sums over steps, and of measures at other steps, have no name of one word.
+    #[must_use]
+    pub fn all(results: &[Differentiated], parameters: &[Ident]) -> Vec<Self> {
+        let last = results.iter().filter(|r| r.at == AtSteps::Last).map(|r| &r.measure);
+        let of = |m: &Ident, p: &Ident| Self {
+            name: format!("{}_by_{}", m.name, p.name),
+            measure: m.clone(),
+            parameter: p.clone(),
+        };
+        last.flat_map(|m| parameters.iter().map(move |p| of(m, p))).collect()
+    }
 }
 
 /// `event ...`: it lasts while the left side is larger than the right one.

@@ -389,6 +389,7 @@ fn conditions(loaded: &Loaded, scene: &Scene) -> Table {
     script.scheme.iter().for_each(|s| push("scheme", s.span));
     script.solver.iter().for_each(|s| push("solver", s.span));
     script.quadratures.iter().for_each(|q| push("rule", q.span));
+    script.gradients.iter().for_each(|g| push("derivatives", g.span));
     script.expects.iter().for_each(|e| push("expected", e.span));
     if let Some(steps) = &script.steps {
         push(&scene.steps.listed().map_or_else(|| "chosen steps".to_owned(), |n| format!("{n} steps")), steps.span);

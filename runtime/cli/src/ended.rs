@@ -3,13 +3,14 @@
 use std::{path::Path, process::ExitCode};
 
 use wfl::SourceMap;
-use wfl_runtime::{Outcome, RunError, Scene, memory::TooMuchMemory, output::Report};
+use wfl_runtime::{Outcome, RunError, Scene, gradient::Gradients, memory::TooMuchMemory, output::Report};
 use wfl_tasks::{
     Loaded,
     ending::{self, Ending, Said},
 };
 
 use crate::{
+    gradient,
     load::{out, print_all, say},
     prepared::EXIT_ERROR,
     progress::Loudness,
@@ -37,16 +38,23 @@ fn print(loaded: &Loaded, said: &Said) {
     }
 }
 
-/// What is done with a run that has ended and converged; false after a message.
-pub(crate) type Afterwards<'a> = dyn FnMut(&Scene, &Ready, &mut Outcome) -> bool + 'a;
+/// What is found of a run that has ended and converged; nothing after a message.
+pub(crate) type Afterwards<'a> = dyn FnMut(&Scene, &Ready, &mut Outcome) -> Option<Gradients> + 'a;
 
-/// Runs what is ready, says how it ended, and does what is left to do.
+/// Runs what is ready, finds what is left to find, and says how it ended.
 pub(crate) fn go(loaded: &Loaded, scene: Scene, mut ready: Ready, more: &mut Afterwards<'_>) -> ExitCode {
     match ready.go(&scene) {
         Ok(mut outcome) => {
+            let found =
+                if outcome.converged() { more(&scene, &ready, &mut outcome) } else { Some(Gradients::default()) };
             let code = finish(loaded, &scene, &ready, &outcome, None);
-            let did = !outcome.converged() || more(&scene, &ready, &mut outcome);
-            if did { code } else { ExitCode::from(EXIT_ERROR) }
+            match found {
+                Some(found) => {
+                    gradient::tell(loaded, &ready, &found);
+                    code
+                }
+                None => ExitCode::from(EXIT_ERROR),
+            }
         }
         Err(error) => {
             explain(loaded, &scene, &error);

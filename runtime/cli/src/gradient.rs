@@ -7,7 +7,7 @@ use wfl::{Diagnostic, SourceMap};
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     Outcome, Scene,
-    gradient::{Differentiated, Gradients, NearKink, Request, gradients},
+    gradient::{Gradients, NO_DERIVATIVE, NearKink, Request, settle},
 };
 use wfl_tasks::{
     Loaded, available_threads,
@@ -40,34 +40,56 @@ pub(crate) fn request(args: &RunArgs, on_ranks: bool) -> Option<Option<Request>>
     request.inspect_err(|why| say(&error_line(why))).ok()
 }
 
-/// Differentiates a run that has ended, writes and tells what was found. False after a message.
+/// Whether the derivatives that a scene states can be found in such a run; says why not.
+pub(crate) fn may_state(loaded: &Loaded, resumes: bool, on_ranks: bool) -> bool {
+    let Some(statement) = loaded.script.gradients.first() else { return true };
+    let (what, help) = match (resumes, on_ranks) {
+        (false, false) => return true,
+        (true, _) => ("a run that goes on has not kept the steps before", "run it from the start, without --resume"),
+        (false, true) => ("several ranks have no derivatives yet", "run it without mpirun"),
+    };
+    let d = Diagnostic::new(NO_DERIVATIVE, what).at(statement.span, "the scene asks for derivatives").help(help);
+    print_all(&[d], &loaded.sources);
+    false
+}
+
+/// Differentiates a run that has ended as the scene and the command line ask, and writes what was found; nothing after a
+/// message.
 pub(crate) fn differentiate(
     of: (&Loaded, &Scene, &dyn KernelBackend),
     ready: &Ready,
     outcome: &mut Outcome,
-    request: &Request,
-) -> bool {
+    request: Option<&Request>,
+) -> Option<Gradients> {
     let (loaded, scene, backend) = of;
-    let threads = ready.options.threads;
-    let run = Differentiated { scene, script: &loaded.script, outcome, backend, threads };
-    let found = match gradients(run, request) {
+    if request.is_none() && loaded.script.gradients.is_empty() {
+        return Some(Gradients::default());
+    }
+    let found = match settle((scene, &loaded.script), (backend, ready.options.threads), request, outcome) {
         Ok(found) => found,
         Err(d) => {
             print_all(std::slice::from_ref(&d), &loaded.sources);
-            return false;
+            return None;
         }
     };
     if let Some(folder) = &ready.options.out
         && let Err(error) = write(folder, scene, &found, &mut outcome.report)
     {
         say(&told(&error));
-        return false;
+        return None;
+    }
+    Some(found)
+}
+
+/// Tells what was found.
+pub(crate) fn tell(loaded: &Loaded, ready: &Ready, found: &Gradients) {
+    if found.results.is_empty() {
+        return;
     }
     if ready.loudness != Loudness::Quiet {
-        out(&text(&found));
+        out(&text(found));
     }
-    warn(&loaded.sources, &found);
-    true
+    warn(&loaded.sources, found);
 }
 
 /// What there is to tell of points between two branches, and of parameters.

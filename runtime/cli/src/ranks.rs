@@ -3,7 +3,7 @@
 use std::{process::ExitCode, sync::Arc, time::Instant};
 
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{Scene, finished, mesh::Part, team::Team};
+use wfl_runtime::{Scene, finished, gradient::Gradients, mesh::Part, team::Team};
 use wfl_tasks::{Loaded, folder::error_line};
 
 use crate::{
@@ -96,7 +96,7 @@ impl Shared<'_> {
             }
             None => self.parted(&loaded, scene)?,
         };
-        Ok(go(&loaded, scene, ready, &mut |_, _, _| true))
+        Ok(go(&loaded, scene, ready, &mut |_, _, _| Some(Gradients::default())))
     }
 
     /// A rank that is sent its part, and says nothing.
@@ -111,7 +111,7 @@ impl Shared<'_> {
             _ => return Ok(ExitCode::SUCCESS),
         };
         let ready = self.ready(&loaded, 0.0)?;
-        Ok(go(&loaded, scene, ready, &mut |_, _, _| true))
+        Ok(go(&loaded, scene, ready, &mut |_, _, _| Some(Gradients::default())))
     }
 
     /// What the first rank makes for this one.

@@ -128,7 +128,7 @@ pub(crate) fn ready(args: &RunArgs, loaded: &Loaded, times: Times) -> Result<Rea
         about: loaded.about(),
         savings: Vec::new(),
         keep_states: false,
-        keep_trajectory: args.gradient.gradient.is_some(),
+        keep_trajectory: args.gradient.gradient.is_some() || !loaded.script.gradients.is_empty(),
         keep_outputs: Vec::new(),
     };
     Ok(Ready { options, loudness, resumable: true })

@@ -53,6 +53,9 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
     if let Some(team) = team {
         drop(preparing);
+        if !gradient::may_state(&loaded, args.resume, true) {
+            return ExitCode::from(EXIT_ERROR);
+        }
         return ranks::run(args, running, &team, loaded, &*backend, ranks::Begun { parse_seconds, started });
     }
     // for an accuracy the scene as it stands is looked at and not run
@@ -71,7 +74,7 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         return ExitCode::from(EXIT_ERROR);
     }
     let scene = shaped(args, scene);
-    if !may_do_more(args, &loaded, &scene, request.as_ref()) {
+    if !gradient::may_state(&loaded, args.resume, false) || !may_do_more(args, &loaded, &scene, request.as_ref()) {
         return ExitCode::from(EXIT_ERROR);
     }
     let ready = checked(args, &mut loaded, &scene)
@@ -94,7 +97,7 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
     }
     ready.announce(&loaded, &scene);
     go(&loaded, scene, ready, &mut |scene, ready, outcome| {
-        request.as_ref().is_none_or(|r| gradient::differentiate((&loaded, scene, &*backend), ready, outcome, r))
+        gradient::differentiate((&loaded, scene, &*backend), ready, outcome, request.as_ref())
     })
 }
 

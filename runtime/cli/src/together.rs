@@ -4,7 +4,7 @@ use wfl::{Code, Diagnostic};
 use wfl_runtime::{
     Scene,
     accuracy::MESH_FILE,
-    gradient::{Request, not_together},
+    gradient::{Request, not_together, stated},
     may_begin, place_of_moving,
 };
 use wfl_tasks::{Loaded, folder::error_line, gradient::files};
@@ -44,9 +44,9 @@ pub(crate) fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
         say("error: for an accuracy a scene is run with the solvers of this program\n  = help: leave --backend out\n");
         return false;
     }
-    if args.gradient.gradient.is_some() {
+    if args.gradient.gradient.is_some() || !loaded.script.gradients.is_empty() {
         say(
-            "error: a scene that asks for an accuracy is run on several meshes: --gradient does not go with it\n  = help: run the \
+            "error: a scene that asks for an accuracy is run on several meshes: derivatives do not go with it\n  = help: run the \
              setting that was found with --gradient\n",
         );
         return false;
@@ -63,12 +63,22 @@ pub(crate) fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
 
 /// Whether what is asked for beside the results of a run can be done, looked at before anything is; says why not.
 pub(crate) fn may_do_more(args: &RunArgs, loaded: &Loaded, scene: &Scene, request: Option<&Request>) -> bool {
-    if let Some(d) = request.and_then(|_| not_together(scene, &loaded.script)) {
+    let stated = match stated(scene, &loaded.script) {
+        Ok(stated) => stated,
+        Err(d) => {
+            print_all(&[*d], &loaded.sources);
+            return false;
+        }
+    };
+    let all: Vec<&Request> = stated.iter().chain(request).collect();
+    if let Some(d) = all.first().and_then(|_| not_together(scene, &loaded.script)) {
         print_all(&[d], &loaded.sources);
         return false;
     }
-    let files = request.map(files).unwrap_or_default();
-    let nothing = !args.savings && request.is_none();
+    let mut files: Vec<String> = all.iter().copied().flat_map(files).collect();
+    files.sort_unstable();
+    files.dedup();
+    let nothing = !args.savings && all.is_empty();
     nothing || may_write(args, loaded, scene, &files.iter().map(String::as_str).collect::<Vec<_>>())
 }
 

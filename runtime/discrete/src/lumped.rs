@@ -296,6 +296,54 @@ fn row_sums(
     Ok(())
 }
 
+/// A rate that the diagonal is found with: one in a component of a field.
+#[derive(Clone, Debug)]
+pub struct Probe {
+    /// The rate by dof.
+    pub rate: Vec<f64>,
+    /// Its order.
+    pub order: RateOrder,
+    /// By dof what a row counts with: 0 where it does not.
+    pub signs: Vec<f64>,
+    /// The terms that count.
+    pub terms: Vec<usize>,
+}
+
+impl Lumped {
+    /// All rates that this diagonal was found with, at the state `u` and a value of the step variable. The rates of the system
+    /// are left zero.
+    ///
+    /// # Errors
+    /// [`SystemError`] where the system cannot be evaluated at `u`.
+    pub fn probes(&self, system: &mut System, u: &[f64], time: f64) -> Result<Vec<Probe>, SystemError> {
+        let mut made = Vec::new();
+        for order in [RateOrder::Second, RateOrder::First] {
+            let wanted = |t: &AssembledTerm| reads(t, order) && t.law.class <= Class::Linear;
+            let terms: Vec<usize> = (0..system.terms.len()).filter(|k| wanted(&system.terms[*k])).collect();
+            row_sums(system, u, time, order, |system, field, component, sums| {
+                let (stride, n) = (system.fields[field].n_components, sums.len());
+                let range = system.range(field).expect("a field with rates is solved for");
+                let own: Vec<bool> =
+                    (0..n).map(|d| range.contains(&d) && (d - range.start) % stride == component).collect();
+                let sign = |d: usize| match order {
+                    RateOrder::Second => f64::from(u8::from(own[d])),
+                    RateOrder::First if self.damping[d] <= 0.0 || sums[d] == 0.0 => 0.0,
+                    RateOrder::First => {
+                        if own[d] {
+                            1.0
+                        } else {
+                            sums[d].signum()
+                        }
+                    }
+                };
+                let rate = own.iter().map(|own| f64::from(u8::from(*own))).collect();
+                made.push(Probe { rate, order, signs: (0..n).map(sign).collect(), terms: terms.clone() });
+            })?;
+        }
+        Ok(made)
+    }
+}
+
 fn mass(system: &mut System, u: &[f64], time: f64) -> Result<Vec<f64>, SystemError> {
     let mut all = vec![0.0; system.numbering.n_dofs];
     row_sums(system, u, time, RateOrder::Second, |system, field, component, sums| {

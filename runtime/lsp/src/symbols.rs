@@ -3,7 +3,7 @@
 
 use wfl::{
     Source, SourceId, SourceMap, Span,
-    ast::{BoxDivision, Domain, MappingKind, MeasureAt, Place, QuadratureRule, Rank, Target, TargetPart},
+    ast::{AtSteps, BoxDivision, Domain, MappingKind, MeasureAt, Place, QuadratureRule, Rank, Target, TargetPart},
     ast::{Cond, Expr, Ident, Item, ItemKind, MacroDef, MeshSource, OptionItem, OptionValue, RegionExpr, Space},
     cond_children, each_word, split_prefixes,
 };
@@ -254,6 +254,7 @@ impl<'a> Reader<'a> {
             | ItemKind::Computed(..)
             | ItemKind::Balance { .. }
             | ItemKind::Event { .. }
+            | ItemKind::Gradient(_)
             | ItemKind::Expect(_)
             | ItemKind::Output { .. } => self.request(&item.kind),
             _ => self.declaration(&item.kind),
@@ -407,6 +408,20 @@ impl<'a> Reader<'a> {
                 self.declare(name, Kind::Measure);
                 self.cond(condition);
                 self.regions(places);
+            }
+            ItemKind::Gradient(of) => {
+                of.results
+                    .iter()
+                    .map(|r| &r.measure)
+                    .chain(&of.parameters)
+                    .chain(&of.fields)
+                    .for_each(|n| self.value(n));
+                for result in &of.results {
+                    if let AtSteps::At(variable, value) = &result.at {
+                        variable.iter().for_each(|n| self.value(n));
+                        self.expr(value);
+                    }
+                }
             }
             ItemKind::Expect(condition) => self.cond(condition),
             ItemKind::Output { every, when, items, along, at, options, .. } => {

@@ -8,7 +8,7 @@ use wfl_runtime::{
     Cadence, Equations, Outcome, RunError, RunOptions, Scene, Session,
     contact::{ContactPoints, contact_points},
     field::FieldSpace,
-    gradient::Differentiated,
+    gradient::{Differentiated, settle},
 };
 use wfl_tasks::{
     Loaded, VERSION, advice, available_threads,
@@ -127,7 +127,7 @@ impl Work {
             warnings: self.loaded.messages.iter().map(|d| format!("{}: {}", d.code, d.message)).collect(),
             about: self.loaded.about(),
             keep_states: asked.keep_states,
-            keep_trajectory: asked.keep_trajectory,
+            keep_trajectory: asked.keep_trajectory || !self.loaded.script.gradients.is_empty(),
             keep_outputs: if asked.keep_outputs && asked.out.is_none() { self.shown() } else { Vec::new() },
             ..RunOptions::without_files(asked.threads.unwrap_or_else(available_threads), started)
         }
@@ -152,9 +152,26 @@ impl Work {
         self.check();
         let options = self.options(asked, started, started.elapsed().as_secs_f64());
         match wfl_runtime::run(&self.scene, &options, teller) {
-            Ok(outcome) => Ok(self.finished(outcome, options)),
+            Ok(mut outcome) => {
+                self.settle(&mut outcome, options.threads)?;
+                Ok(self.finished(outcome, options))
+            }
             Err(error) => Err(self.stopped(&error)),
         }
+    }
+
+    /// Finds the derivatives that the scene states, for its expectations.
+    fn settle(&self, outcome: &mut Outcome, threads: usize) -> Result<(), Vec<Told>> {
+        if self.loaded.script.gradients.is_empty() || !outcome.converged() {
+            return Ok(());
+        }
+        let refused = |text: &str| vec![Told::text(&format!("error: {text}\n"))];
+        let backend = JitBackend::new().map_err(|e| refused(&e.to_string()))?;
+        let of = (&self.scene, &self.loaded.script);
+        let found = settle(of, (&backend, threads), None, outcome);
+        let found = found.map_err(|d| vec![Told::diagnostic(&d, &self.loaded.sources)])?;
+        wfl_tasks::gradient::report(&found, &mut outcome.report);
+        Ok(())
     }
 
     /// What `make` finds of a run of this scene.
@@ -258,7 +275,11 @@ impl Work {
         let asked =
             RunAsked { out: None, threads: None, keep_states: false, keep_outputs: false, keep_trajectory: false };
         let options = self.options(&asked, Instant::now(), 0.0);
-        Some(self.finished(session.outcome(&self.scene), options))
+        let mut outcome = session.outcome(&self.scene);
+        let settled = self.settle(&mut outcome, options.threads);
+        let mut finished = self.finished(outcome, options);
+        finished.told.extend(settled.err().into_iter().flatten());
+        Some(finished)
     }
 
     /// Where a name is declared, for messages about what the caller gives for it.

@@ -20,8 +20,8 @@ def test_a_notebook_runs(path):
     assert any("image/png" in o.get("data", {}) for o in shown), "it has a plot"
 
 
-def test_there_are_two():
-    assert [p.stem for p in NOTEBOOKS] == ["friction", "hertz"]
+def test_these_are_all():
+    assert [p.stem for p in NOTEBOOKS] == ["calibration", "friction", "hertz", "identification"]
 
 
 def test_outputs_are_not_kept():

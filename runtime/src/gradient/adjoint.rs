@@ -1,17 +1,23 @@
 //! From the last step to the first one: a solution with the transposed tangent for each step and result.
 
+mod beginning;
+mod explicit;
+
 use std::collections::BTreeMap;
 
 use wfl::Diagnostic;
 use wfl_compiler::types::{FieldId, FieldKind, RateOrder};
 
+use explicit::OfLumped;
+
 use super::{
     Differentiated, Gradient, Gradients, Request,
+    beginning::Beginning,
     extended::{Extended, Live},
     formulas::Formulas,
     laws::{Laws, Of},
     linear::{As, Tangent},
-    measures::{Summed, Weighed, weighed},
+    measures::{Asked, Direct, Summed, Weighed},
     near::{Kinks, NearKink, join},
     parameters::to_declared,
     refused::{self, not_made},
@@ -22,6 +28,7 @@ use crate::{
     assemble::FieldValues,
     rates::{Kept, Rates},
     scene::node_positions,
+    system::FIXED,
 };
 
 /// What a result changes with at the end of a step.
@@ -49,6 +56,8 @@ struct Sums {
     live: Vec<f64>,
     /// By data field, over all steps.
     data: Vec<Vec<f64>>,
+    /// What is followed of mass and damping of explicit steps.
+    lumped: OfLumped,
 }
 
 /// What is known of all results on the way back.
@@ -88,23 +97,24 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     let Differentiated { scene, script, outcome, backend, .. } = of;
     refused::places(script, live)?;
     let (trajectory, ends) = standing::of_run(outcome)?;
-    let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
-    let mut extended = Extended::new(scene, live.to_vec());
-    let (results, of_measures) = weighed(&mut extended, script, request, &times)?;
-    let laws = Laws::new(&extended, script, of_measures, backend)?;
-    let kinks = Kinks::new(&extended, script, results.iter().map(|r| r.measure), backend)?;
     let mut equations = outcome.equations.clone();
+    let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
+    let mut extended = Extended::new(scene, script, live.to_vec());
+    let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
+    let laws = Laws::new(&extended, script, std::mem::take(&mut asked.laws), backend)?;
+    let kinks = Kinks::new(&extended, script, &asked.weighed, backend)?;
     let n_entries = extended.n_entries;
     let mut run = Backwards {
         formulas: Formulas::new(&extended, script)?,
         of,
         extended: &extended,
         laws,
-        standing: Standing { trajectory, solving: scene.solving(&mut equations) },
+        standing,
         tangent: Tangent::new(As::Transposed),
         out: vec![0.0; n_entries],
     };
-    let (sums, near) = run.all_steps(&results, &ends, &kinks)?;
+    let (sums, mut near) = run.all_steps(&asked, &ends, &kinks)?;
+    join(&mut near, std::mem::take(&mut asked.near));
     let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
     let mut made = Gradients { near, solutions, factorisations, ..Gradients::default() };
     for (into, mut sum) in sums.into_iter().enumerate() {
@@ -119,7 +129,7 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
         };
         made.results.push(Gradient {
             name: request.names().swap_remove(into),
-            value: results.iter().filter(|w| w.into == into).map(|w| value_of(of, w)).sum(),
+            value: asked.values[into],
             parameters: request.parameters.iter().filter_map(entries).collect(),
             fields: request.fields.iter().filter_map(field).collect(),
         });
@@ -127,26 +137,22 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     Ok(made)
 }
 
-/// The value of a result.
-fn value_of(of: Differentiated<'_>, weighed: &Weighed) -> f64 {
-    let name = &of.scene.measures[weighed.measure].name;
-    let at = |step: &crate::StepResult| step.measures.iter().find(|m| m.0 == *name).map_or(f64::NAN, |m| m.1);
-    let counted = of.outcome.steps.iter().zip(&weighed.steps).filter(|(_, weight)| **weight != 0.0);
-    counted.map(|(step, weight)| weight * at(step)).sum()
-}
-
 impl Backwards<'_, '_> {
     /// By result its derivatives; and the points between two branches.
     fn all_steps(
         &mut self,
-        results: &[Weighed],
+        asked: &Asked,
         ends: &Ends,
         kinks: &Kinks,
     ) -> Result<(Vec<Sums>, Vec<NearKink>), Box<Diagnostic>> {
         let trajectory = self.standing.trajectory;
         let zero = self.nothing();
-        let of_one = || Sums { live: vec![0.0; self.extended.n_live()], data: zero.known.to_vec() };
-        let n_sums = results.iter().map(|w| w.into + 1).max().unwrap_or(0);
+        let of_one = || Sums {
+            live: vec![0.0; self.extended.n_live()],
+            data: zero.known.to_vec(),
+            lumped: OfLumped::new(zero.u.len()),
+        };
+        let (results, n_sums) = (&asked.weighed, asked.values.len());
         let nothing = vec![zero.clone(); n_sums];
         let mut found = Found {
             end: nothing.clone(),
@@ -154,48 +160,81 @@ impl Backwards<'_, '_> {
             sums: (0..n_sums).map(|_| of_one()).collect(),
             near: Vec::new(),
         };
-        // the states behind the step that is looked at
-        let mut after: Vec<Vec<f64>> = self.standing.solving.system.data().to_vec();
-        for n in (0..trajectory.steps.len()).rev() {
-            let step = &trajectory.steps[n];
-            let is_read = ends.get(&n).is_some_and(|end| results.iter().any(|w| w.steps[*end] != 0.0));
-            if !is_read && found.end.iter().all(Cotangent::is_zero) {
-                after.clone_from(&step.states);
+        for Direct { into, live, .. } in &asked.direct {
+            add(&mut found.sums[*into].live, live);
+        }
+        for (n, step) in trajectory.steps.iter().enumerate().rev() {
+            let of_end = |end: &usize| results.iter().map(|w| (w, w.steps[*end])).filter(|r| r.1 != 0.0).collect();
+            let read: Vec<(&Weighed, f64)> = ends.get(&n).map(of_end).unwrap_or_default();
+            if read.is_empty() && found.end.iter().all(Cotangent::is_zero) {
                 continue;
             }
-            self.standing.at(n)?;
-            self.laws.set_step(self.standing.step_of(step));
             found.start.clone_from(&nothing);
-            if let Some(rates) = &step.rates {
-                found.of_rates(rates);
+            self.one_step((n, step), &read, kinks, &mut found)?;
+            std::mem::swap(&mut found.end, &mut found.start);
+        }
+        let beginning =
+            if found.end.iter().all(Cotangent::is_zero) { None } else { Beginning::new(&mut self.standing)? };
+        for (start, sum) in found.end.iter_mut().zip(&mut found.sums) {
+            if let (Some(beginning), Some(first)) = (&beginning, trajectory.steps.first()) {
+                self.standing.at(0)?;
+                self.laws.set_step(self.standing.step_of(first.time, first));
+                self.of_beginning(beginning, start, sum)?;
             }
-            if let Some(end) = ends.get(&n) {
-                let read = results.iter().enumerate().map(|(k, w)| (k, w, w.steps[*end])).filter(|r| r.2 != 0.0);
-                self.of_results(&read.collect::<Vec<_>>(), (step, &after), kinks, &mut found)?;
+            self.of_start(start, sum)?;
+        }
+        Ok((found.sums, found.near))
+    }
+
+    /// From the end of a step to its start; `read` are the results that it counts in.
+    fn one_step(
+        &mut self,
+        of: (usize, &PassedStep),
+        read: &[(&Weighed, f64)],
+        kinks: &Kinks,
+        found: &mut Found,
+    ) -> Result<(), Box<Diagnostic>> {
+        let (n, step) = of;
+        self.standing.at(n)?;
+        let (time, is_within) = (self.standing.time_of(step), self.standing.is_within(step));
+        if is_within {
+            self.standing.go_to_end(step)?;
+        }
+        self.laws.set_step(self.standing.step_of(step.time, step));
+        self.of_results(read, of, kinks, found)?;
+        if is_within {
+            for (end, sum) in found.end.iter_mut().zip(&mut found.sums) {
+                self.of_data((step.time, step.increment), end, sum)?;
+                self.standing.solving.data.iter().for_each(|(field, _)| end.known[*field].fill(0.0));
             }
-            if step.kind == Passed::Given {
-                for (end, start) in found.end.iter().zip(&mut found.start) {
+            self.standing.at(n)?;
+            self.laws.set_step(self.standing.step_of(time, step));
+        }
+        if step.kind != Passed::Given {
+            join(&mut found.near, kinks.near(&self.standing.solving, &step.u, (time, step.increment), None));
+        }
+        let explicit = self.standing.solving.explicit.clone().filter(|_| step.kind == Passed::Explicit);
+        if let Some(rates) = step.rates.as_ref().filter(|_| explicit.is_none()) {
+            found.of_rates(rates);
+            let ends = found.end.iter_mut().zip(&mut found.start).filter(|_| is_within);
+            ends.for_each(|(end, start)| rates.follow_extrapolation(&mut end.u, &mut start.u));
+        }
+        self.tangent.is_new = true;
+        for ((end, start), sum) in found.end.iter_mut().zip(&mut found.start).zip(&mut found.sums) {
+            match (&explicit, step.kind) {
+                (Some(explicit), _) => self.of_explicit((step, explicit), end, start, sum)?,
+                (None, Passed::Given) => {
                     add(&mut start.u, &end.u);
                     self.each_state(|k| add(&mut start.known[k], &end.known[k]));
                 }
-            } else {
-                join(&mut found.near, kinks.near(&self.standing.solving, &step.u, (step.time, step.increment), None));
-                self.tangent.is_new = true;
-                for ((end, start), sum) in found.end.iter_mut().zip(&mut found.start).zip(&mut found.sums) {
+                (None, _) => {
                     self.of_states(step, end, start, sum)?;
                     self.of_equations(step, end, start, sum)?;
                 }
             }
-            for (end, sum) in found.end.iter().zip(&mut found.sums) {
-                self.of_data((step.time, step.increment), end, sum)?;
-            }
-            std::mem::swap(&mut found.end, &mut found.start);
-            after.clone_from(&step.states);
+            self.of_data((time, step.increment), end, sum)?;
         }
-        for (start, sum) in found.end.iter().zip(&mut found.sums) {
-            self.of_start(start, sum)?;
-        }
-        Ok((found.sums, found.near))
+        Ok(())
     }
 
     /// A result that changes with nothing.
@@ -208,28 +247,28 @@ impl Backwards<'_, '_> {
         }
     }
 
-    /// Results that a step counts in, each with its position and weight; `after` are the states behind the step.
+    /// Results that a step counts in, each with its position and weight.
     fn of_results(
         &mut self,
-        read: &[(usize, &Weighed, f64)],
-        at: (&PassedStep, &[Vec<f64>]),
+        read: &[(&Weighed, f64)],
+        at: (usize, &PassedStep),
         kinks: &Kinks,
         found: &mut Found,
     ) -> Result<(), Box<Diagnostic>> {
-        let (step, after) = at;
-        self.standing.put_states(after);
-        for (k, weighed, weight) in read {
+        let (n, step) = at;
+        self.standing.put_states_behind(n);
+        for (weighed, weight) in read {
             let Summed::Points(fields) = &weighed.summed else { continue };
-            let shared = self.of_measure((*k, weighed), (fields, *weight), step)?;
+            let shared = self.of_measure(weighed, (fields, *weight), step)?;
             join(&mut found.near, shared);
             let at = (step.time, step.increment);
-            join(&mut found.near, kinks.near(&self.standing.solving, &step.u, at, Some(weighed.measure)));
+            join(&mut found.near, kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));
             let into = weighed.into;
             self.spread(1.0, true, &mut found.end[into], &mut found.start[into], &mut found.sums[into].live);
         }
         self.standing.put_states(&step.states);
         // where time starts no equation was solved, and a reaction is zero
-        for (_, weighed, weight) in read.iter().filter(|_| step.kind != Passed::Given) {
+        for (weighed, weight) in read.iter().filter(|_| step.kind != Passed::Given) {
             let (Summed::Rows(rows), into) = (&weighed.summed, weighed.into) else { continue };
             self.of_rows((rows, *weight), step)?;
             self.spread(-1.0, false, &mut found.end[into], &mut found.start[into], &mut found.sums[into].live);
@@ -291,7 +330,9 @@ impl Backwards<'_, '_> {
             let place = |order: RateOrder, field: usize| {
                 extended.range(extended.companions().history(order, FieldId::new(field)).index())
             };
-            rates.follow_histories(|order, field| &self.out[place(order, field)], factor, &mut start.kept);
+            // rates are held at an end behind the equations
+            let kept = if at_the_end && rates.is_held() { &mut end.kept } else { &mut start.kept };
+            rates.follow_histories(|order, field| &self.out[place(order, field)], factor, kept);
         }
         scaled(live, &self.out[extended.live_range()]);
     }
@@ -299,17 +340,22 @@ impl Backwards<'_, '_> {
     /// The derivatives of a measure at the end of a step.
     fn of_measure(
         &mut self,
-        result: (usize, &Weighed),
+        weighed: &Weighed,
         weights: (&[usize], f64),
         step: &PassedStep,
     ) -> Result<Option<NearKink>, Box<Diagnostic>> {
-        let ((number, weighed), (fields, weight)) = (result, weights);
-        let values = self.standing.solving.system.values(&step.u);
-        let (points, near) = weighed.at_points(&self.standing.solving, values.view(), (step.time, step.increment));
+        let (fields, weight) = weights;
+        let values = self.standing.solving.system.values(step.at_end());
+        let of = (self.extended, &self.standing.solving);
+        let (points, near) = weighed.at_points(of, values.view(), (step.time, step.increment));
         drop(values);
         let scaled = |list: Vec<f64>| list.into_iter().map(|x| weight * x).collect();
         let weights = fields.iter().copied().zip(points.into_iter().map(scaled)).collect();
-        self.evaluate(|of| matches!(of, Of::Measure(result, _) if result == number), &step.u, &weights)?;
+        self.evaluate(
+            |of| matches!(of, Of::Measure(measure, _) if measure == weighed.measure),
+            step.at_end(),
+            &weights,
+        )?;
         Ok(near)
     }
 
@@ -321,7 +367,7 @@ impl Backwards<'_, '_> {
         rows.iter().for_each(|(dof, weight)| weights[*dof] += factor * weight);
         numbering.frames.turn_back(&mut weights);
         let weights = self.by_test_field(&weights);
-        self.evaluate(|of| of == Of::Term, &step.u, &weights)
+        self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &weights)
     }
 
     /// Numbers by dof as the values of the fields that stand for the test functions.
@@ -370,7 +416,7 @@ impl Backwards<'_, '_> {
         }
         let adjoint = self.tangent.solve(self.standing.solving.system, &step.u, &end.u, self.of.threads)?;
         let weights = self.by_test_field(&adjoint);
-        self.evaluate(|of| of == Of::Term, &step.u, &weights)?;
+        self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &weights)?;
         let rhs = end.u.clone();
         self.spread(-1.0, false, end, start, &mut sum.live);
         // what is left is the derivative in the prescribed values, and nothing at the free dofs
@@ -384,6 +430,16 @@ impl Backwards<'_, '_> {
                 step.time,
                 free / size
             )));
+        }
+        if let Some(rates) = step.rates.as_ref().filter(|_| self.standing.offset(step) != 0.0) {
+            let is_fixed = |(x, free): (&f64, &u32)| if *free == FIXED { *x } else { 0.0 };
+            let mut fixed: Vec<f64> = end.u.iter().zip(&numbering.free).map(is_fixed).collect();
+            let (mut at_end, mut before) = (vec![0.0; fixed.len()], vec![0.0; fixed.len()]);
+            rates.follow_prescribed(&mut fixed, &mut at_end, &mut before);
+            numbering.frames.turn_back(&mut before);
+            add(&mut start.u, &before);
+            self.of_prescribed((step.time, step.increment), &at_end, sum)?;
+            return self.of_prescribed((self.standing.time_of(step), step.increment), &fixed, sum);
         }
         self.of_prescribed((step.time, step.increment), &end.u, sum)
     }

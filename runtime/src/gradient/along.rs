@@ -39,14 +39,14 @@ impl Along {
     ) -> Result<Self, Box<Diagnostic>> {
         let scene = extended.scene;
         let mut placed: Vec<Placed> = Vec::new();
-        for (summary, term) in scene.terms.iter().zip(&scene.system.terms) {
+        for (k, (summary, term)) in scene.terms.iter().zip(&scene.system.terms).enumerate() {
             let domain = &term.integrator.domain;
             let place = extended.place(domain, term.law.listing.graph.mapping.is_some());
             let Some(source) = scene.source_of(script, summary.origin) else {
                 return Err(not_made(&format!("the text of `{}` is not at hand", summary.name)));
             };
             let made = compile_term_along(&extended.env(), &place, &summary.name, source, extended.companions());
-            placed.extend(acts(made, &summary.name, domain, Of::Term)?);
+            placed.extend(acts(made, &summary.name, domain, Of::Term(k))?);
         }
         let mut states = Vec::new();
         for state in &scene.states {
@@ -58,10 +58,8 @@ impl Along {
         }
         let mut measures = Vec::new();
         for result in results {
-            let measure = &scene.measures[result.measure];
-            let declared = script.measures.iter().find(|m| m.name.name == measure.name);
-            let (Summed::Points(_), Some((_, parts)), Some(declared)) = (&result.summed, measure.at_points(), declared)
-            else {
+            let (measure, declared) = extended.measures[result.measure];
+            let (Summed::Points(_), Some((_, parts))) = (&result.summed, measure.at_points()) else {
                 measures.push(Vec::new());
                 continue;
             };
@@ -80,15 +78,16 @@ impl Along {
         values.for_each(|(value, _)| *value = value.at_step(at));
     }
 
-    /// Adds what the equations change by to `out`.
+    /// Adds what the equations of some terms change by to `out`.
     pub(super) fn residual(
         &self,
         extended: &Extended<'_>,
         values: FieldValues<'_>,
+        wanted: impl Fn(usize) -> bool,
         out: &mut [f64],
     ) -> Result<(), Box<Diagnostic>> {
         let mesh = &extended.scene.system.mesh;
-        for (_, term) in &self.terms {
+        for (_, term) in self.terms.iter().filter(|(of, _)| matches!(of, Of::Term(k) if wanted(*k))) {
             term.add_residual(mesh, values, out).map_err(|e| not_made(&format!("along a direction: {e}")))?;
         }
         Ok(())

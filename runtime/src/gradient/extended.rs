@@ -8,13 +8,14 @@
 
 use std::{collections::BTreeMap, ops::Range, sync::Arc};
 
+use wfl::ResolvedScript;
 use wfl_compiler::{
     Companions, Constant, Env,
     types::{FieldId, FieldKind, FieldSig, InputSlot, PlaceKind, PlaceSig, Shape},
 };
 
 use crate::{
-    Scene,
+    Measure, Scene,
     assemble::Domain,
     field::{Field, FieldSpace},
     point_space::PointSpace,
@@ -40,6 +41,8 @@ pub(super) struct Extended<'a> {
     /// How many fields the scene has.
     pub(super) n: usize,
     pub(super) live: Vec<Live>,
+    /// The measures of the scene, behind them those that only numbers made of measures read; each as it is declared.
+    pub(super) measures: Vec<(&'a Measure, &'a wfl::Measure)>,
     /// The parameters that do not change.
     params: BTreeMap<String, Constant>,
     /// By field where its derivatives start; `None` for weights of points.
@@ -49,7 +52,7 @@ pub(super) struct Extended<'a> {
 }
 
 impl<'a> Extended<'a> {
-    pub(super) fn new(scene: &'a Scene, live: Vec<Live>) -> Self {
+    pub(super) fn new(scene: &'a Scene, script: &'a ResolvedScript, live: Vec<Live>) -> Self {
         let own = &scene.system.fields;
         let (mut fields, mut sigs): (Vec<Field>, Vec<FieldSig>) = (own.to_vec(), scene.sigs.clone());
         for (field, sig) in own.iter().zip(&scene.sigs) {
@@ -93,7 +96,8 @@ impl<'a> Extended<'a> {
             .collect();
         let is_live = |name: &String| live.iter().any(|l| l.name == *name);
         let params = scene.params.iter().filter(|p| !is_live(&p.0)).cloned().collect();
-        Self { scene, n: own.len(), fields, sigs, live, params, starts, n_entries }
+        let measures = measures(scene, script);
+        Self { scene, n: own.len(), fields, sigs, live, measures, params, starts, n_entries }
     }
 
     pub(super) fn companions(&self) -> Companions {
@@ -102,7 +106,17 @@ impl<'a> Extended<'a> {
 
     /// What expressions see: parameters that change are fields.
     pub(super) fn env(&self) -> Env<'_> {
-        self.scene.env_with(&self.sigs, &self.params)
+        self.env_of(&self.sigs)
+    }
+
+    /// The same with more fields behind those.
+    pub(super) fn env_of<'e>(&'e self, sigs: &'e [FieldSig]) -> Env<'e> {
+        self.scene.env_with(sigs, &self.params)
+    }
+
+    /// The position of a measure.
+    pub(super) fn measure(&self, name: &str) -> Option<usize> {
+        self.measures.iter().position(|(measure, _)| measure.name == name)
     }
 
     /// Adds a number at each point of a domain; gives its position.
@@ -219,4 +233,12 @@ impl<'a> Extended<'a> {
         let start = self.starts.get(2 * self.n).copied().flatten().unwrap_or(self.n_entries);
         start..start + self.n_live()
     }
+}
+
+/// The measures of a scene, and behind them the reductions in numbers made of measures.
+fn measures<'a>(scene: &'a Scene, script: &'a ResolvedScript) -> Vec<(&'a Measure, &'a wfl::Measure)> {
+    let reductions = scene.computed.iter().flat_map(|c| &c.reductions);
+    let declared = || script.measures.iter().chain(script.computed.iter().flat_map(|c| &c.watched));
+    let of = |measure: &'a Measure| Some((measure, declared().find(|m| m.name.name == measure.name)?));
+    scene.measures.iter().chain(reductions).filter_map(of).collect()
 }

@@ -80,6 +80,8 @@ pub(super) struct Formulas {
     pub(super) data: BTreeMap<usize, Formula>,
     /// By field with first values.
     pub(super) starts: BTreeMap<usize, Formula>,
+    /// By field with first rates.
+    pub(super) rates: BTreeMap<usize, Formula>,
 }
 
 impl Formulas {
@@ -101,7 +103,16 @@ impl Formulas {
                 }
             }
         }
+        let mut rates = BTreeMap::new();
         for start in &script.starts {
+            if let StartKind::Rate { field, value } = &start.kind
+                && let Some(k) = position(&field.name)
+            {
+                let made = Formula::new(extended, "a first rate", value)?;
+                if !made.is_still() {
+                    rates.insert(k, made);
+                }
+            }
             if let StartKind::Field { field, value } = &start.kind
                 && let Some(k) = position(&field.name)
             {
@@ -114,7 +125,7 @@ impl Formulas {
                 }
             }
         }
-        Ok(Self { fixes, data, starts })
+        Ok(Self { fixes, data, starts, rates })
     }
 }
 

@@ -1,14 +1,18 @@
 //! From the first step to the last one: a solution with the tangent for each step and direction of the parameters.
 
+mod beginning;
+mod explicit;
+
 use wfl::Diagnostic;
 
 use super::{
     Differentiated, Request, WantedResult, When,
     along::Along,
+    beginning::{Beginning, parted},
     extended::{Extended, Live},
     formulas::Formulas,
     linear::{As, Tangent},
-    measures::{Summed, Weighed, weighed},
+    measures::{Asked, Direct, Summed, Weighed},
     near::{Kinks, NearKink, join},
     parameters::from_declared,
     refused::{self, not_made, other_size},
@@ -93,6 +97,9 @@ struct Moving {
     rows: Vec<f64>,
     /// The rates of the step, and behind them those of what the fields move by; nothing in a scene without.
     rates: Option<Rates>,
+    /// What mass and damping of explicit steps move by, by dof.
+    mass: Vec<f64>,
+    damping: Vec<f64>,
 }
 
 /// The run, forwards.
@@ -120,24 +127,26 @@ pub(super) fn solve(
     refused::places(script, live)?;
     let (trajectory, ends) = standing::of_run(outcome)?;
     let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
-    let mut extended = Extended::new(scene, live.to_vec());
-    // the laws of adjoints are not needed, but what they refuse is
-    let (results, _) = weighed(&mut extended, script, request, &times)?;
-    let kinks = Kinks::new(&extended, script, results.iter().map(|r| r.measure), backend)?;
     let mut equations = outcome.equations.clone();
+    let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
+    let mut extended = Extended::new(scene, script, live.to_vec());
+    // the laws of adjoints are not needed, but what they refuse is
+    let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
+    let kinks = Kinks::new(&extended, script, &asked.weighed, backend)?;
     let mut run = Forwards {
         formulas: Formulas::new(&extended, script)?,
         of,
         extended: &extended,
-        laws: Along::new(&extended, script, &results, backend)?,
-        standing: Standing { trajectory, solving: scene.solving(&mut equations) },
+        laws: Along::new(&extended, script, &asked.weighed, backend)?,
+        standing,
         tangent: Tangent::new(As::Written),
         still: Moving::default(),
         out: vec![0.0; extended.n_entries],
     };
     run.still = run.begin(&Direction::default())?;
     let mut moving = directions.iter().map(|d| run.begin(d)).collect::<Result<Vec<_>, _>>()?;
-    let (moved, near) = run.all_steps(&mut moving, &results, &ends, &kinks)?;
+    let (moved, mut near) = run.all_steps(&mut moving, &asked, &ends, &kinks)?;
+    join(&mut near, std::mem::take(&mut asked.near));
     let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
     Ok(Tangents { times, moved, near, solutions, factorisations, ..Tangents::default() })
 }
@@ -176,38 +185,54 @@ impl Forwards<'_, '_> {
             self.data((first.time, first.increment), (&live, &fields), &mut before.known)?;
         }
         let (end, rows) = (before.clone(), Vec::new());
-        Ok(Moving { live, fields, before, end, rows, rates: None })
+        Ok(Moving { live, fields, before, end, rows, ..Moving::default() })
     }
 
     /// By direction, measure and step what the measure does; and the points between two branches.
     fn all_steps(
         &mut self,
         moving: &mut [Moving],
-        results: &[Weighed],
+        asked: &Asked,
         ends: &Ends,
         kinks: &Kinks,
     ) -> Result<(Moved, Vec<NearKink>), Box<Diagnostic>> {
         let trajectory = self.standing.trajectory;
-        let last: Vec<Vec<f64>> = self.standing.solving.system.data().to_vec();
-        let mut moved = vec![vec![vec![0.0; ends.len()]; results.len()]; moving.len()];
+        let mut moved = vec![vec![vec![0.0; ends.len()]; asked.values.len()]; moving.len()];
+        for Direct { into, end, live } in &asked.direct {
+            for (moved, one) in moved.iter_mut().zip(moving.iter()) {
+                moved[*into][*end] += live.iter().zip(&one.live).map(|(x, by)| x * by).sum::<f64>();
+            }
+        }
         let mut near = Vec::new();
+        if let Some(beginning) = Beginning::new(&mut self.standing)? {
+            self.laws.set_step(self.standing.step_of(trajectory.steps[0].time, &trajectory.steps[0]));
+            for one in moving.iter_mut() {
+                self.beginning(&beginning, one)?;
+            }
+        }
         for (n, step) in trajectory.steps.iter().enumerate() {
             self.standing.at(n)?;
-            self.laws.set_step(self.standing.step_of(step));
+            self.laws.set_step(self.standing.step_of(self.standing.time_of(step), step));
             self.tangent.is_new = true;
             for one in moving.iter_mut() {
                 self.step(step, one)?;
             }
             let at = (step.time, step.increment);
             if step.kind != Passed::Given {
+                let at = (self.standing.time_of(step), step.increment);
                 near.push(kinks.near(&self.standing.solving, &step.u, at, None));
             }
+            if self.standing.is_within(step) {
+                self.go_to_end(step, moving)?;
+            }
             if let Some(end) = ends.get(&n) {
-                self.standing.put_states(trajectory.steps.get(n + 1).map_or(&last, |next| &next.states));
+                self.standing.put_states_behind(n);
                 // the list is read backwards, as the adjoint finds it
-                for (k, weighed) in results.iter().enumerate().rev() {
-                    near.push(kinks.near(&self.standing.solving, &step.u, at, Some(weighed.measure)));
-                    let shared = self.measure((k, weighed), step, moving, |d, x| moved[d][k][*end] = x);
+                for (k, weighed) in asked.weighed.iter().enumerate().rev().filter(|(_, w)| w.steps[*end] != 0.0) {
+                    near.push(kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));
+                    let shared = self.measure((k, weighed), step, moving, |d, x| {
+                        moved[d][weighed.into][*end] += weighed.steps[*end] * x;
+                    });
                     near.push(shared.into_iter().collect());
                 }
             }
@@ -220,10 +245,13 @@ impl Forwards<'_, '_> {
 
     /// What a direction moves at the end of a step: data, prescribed values, unknowns, states.
     fn step(&mut self, step: &PassedStep, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
-        let at = (step.time, step.increment);
+        let at = (self.standing.time_of(step), step.increment);
         one.end.known.clone_from(&one.before.known);
         self.data(at, (&one.live, &one.fields), &mut one.end.known)?;
         one.rows.clear();
+        if let Some(explicit) = self.standing.solving.explicit.clone().filter(|_| step.kind == Passed::Explicit) {
+            return self.explicit(step, &explicit, one);
+        }
         let n = self.extended.n;
         let of_rates = step.rates.as_ref().map(|rates| (rates, rates.along(&one.before.kept)));
         one.rates = of_rates.as_ref().map(|(rates, along)| rates.with_behind(along, n));
@@ -234,7 +262,7 @@ impl Forwards<'_, '_> {
             return Ok(());
         }
         one.end.u.fill(0.0);
-        self.prescribed(at, &one.live, &mut one.end.u)?;
+        self.prescribed_in(step, one)?;
         one.rows = self.residual(step, one)?;
         let rhs: Vec<f64> = one.rows.iter().map(|x| -x).collect();
         let found = self.tangent.solve(self.standing.solving.system, &step.u, &rhs, self.of.threads)?;
@@ -254,6 +282,21 @@ impl Forwards<'_, '_> {
                 step.time
             )));
         }
+        self.states(step, one);
+        if let Some((_, along)) = of_rates {
+            // what the equations were solved for goes to the end of the step
+            let mut end = one.end.u.clone();
+            if self.standing.offset(step) != 0.0 {
+                along.extrapolate(&mut end, &one.before.u);
+            }
+            one.end.kept = along.kept_at(&end, &one.before.u);
+            one.end.u = end;
+        }
+        Ok(())
+    }
+
+    /// Renews what the states move by.
+    fn states(&self, step: &PassedStep, one: &mut Moving) {
         let next: Vec<Option<Vec<f64>>> = {
             let values = self.standing.solving.system.values(&step.u);
             let (current, previous) = self.values(&values, one);
@@ -267,8 +310,34 @@ impl Forwards<'_, '_> {
                 None => one.end.known[state.field].fill(0.0),
             }
         }
-        if let Some((_, along)) = of_rates {
-            one.end.kept = along.kept_at(&one.end.u, &one.before.u);
+    }
+
+    /// Brings equations and directions from where the equations of a step stand to its end.
+    fn go_to_end(&mut self, step: &PassedStep, moving: &mut [Moving]) -> Result<(), Box<Diagnostic>> {
+        self.standing.go_to_end(step)?;
+        self.laws.set_step(self.standing.step_of(step.time, step));
+        let n = self.extended.n;
+        for one in moving {
+            let mut known = std::mem::take(&mut one.end.known);
+            self.data((step.time, step.increment), (&one.live, &one.fields), &mut known)?;
+            one.end.known = known;
+            one.rates = self.standing.rates().map(|held| held.with_behind(&held.along(&one.end.kept), n));
+        }
+        Ok(())
+    }
+
+    /// What prescribed values move by where the equations of a step stand, written into what the unknowns move by.
+    fn prescribed_in(&self, step: &PassedStep, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
+        let at = (self.standing.time_of(step), step.increment);
+        self.prescribed(at, &one.live, &mut one.end.u)?;
+        let Some(rates) = step.rates.as_ref().filter(|_| self.standing.offset(step) != 0.0) else { return Ok(()) };
+        let mut end = vec![0.0; one.end.u.len()];
+        self.prescribed((step.time, step.increment), &one.live, &mut end)?;
+        let numbering = &self.standing.solving.system.numbering;
+        let [mut before, _] = parted(numbering, &one.before.u);
+        numbering.frames.turn_back(&mut before);
+        for d in rates.fields().iter().flat_map(|of| of.dofs.clone()) {
+            one.end.u[d] = end[d] + rates.scheme().offset() * (before[d] - end[d]);
         }
         Ok(())
     }
@@ -291,13 +360,23 @@ impl Forwards<'_, '_> {
 
     /// What the equations change by, by dof.
     fn residual(&mut self, step: &PassedStep, one: &Moving) -> Result<Vec<f64>, Box<Diagnostic>> {
+        self.residual_of(step, one, |_| true)
+    }
+
+    /// What some terms of them change by.
+    fn residual_of(
+        &mut self,
+        step: &PassedStep,
+        one: &Moving,
+        wanted: impl Fn(usize) -> bool,
+    ) -> Result<Vec<f64>, Box<Diagnostic>> {
         let mut out = std::mem::take(&mut self.out);
         out.fill(0.0);
         let system = &self.standing.solving.system;
         let values = system.values(&step.u);
         let (current, previous) = self.values(&values, one);
         let made = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
-        self.laws.residual(self.extended, made, &mut out)?;
+        self.laws.residual(self.extended, made, wanted, &mut out)?;
         let mut by_dof = vec![0.0; system.numbering.n_dofs];
         for k in 0..self.extended.n {
             if let Some(range) = system.range(k) {
@@ -370,9 +449,9 @@ impl Forwards<'_, '_> {
                 None
             }
             Summed::Points(_) => {
-                let values = self.standing.solving.system.values(&step.u);
+                let values = self.standing.solving.system.values(step.at_end());
                 let at = (step.time, step.increment);
-                let (points, shared) = weighed.at_points(&self.standing.solving, values.view(), at);
+                let (points, shared) = weighed.at_points((self.extended, &self.standing.solving), values.view(), at);
                 for (d, one) in moving.iter().enumerate() {
                     let (current, previous) = self.values(&values, one);
                     let made = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };

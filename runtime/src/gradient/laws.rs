@@ -28,11 +28,11 @@ pub(super) struct Placed {
 /// What a law is the derivative of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Of {
-    /// A term.
-    Term,
+    /// The term at this position.
+    Term(usize),
     /// The update of the state at this position among the states of the scene.
     State(usize),
-    /// A measure: the result that needs it, and the part of its points.
+    /// A measure by its position, and the part of its points.
     Measure(usize, usize),
 }
 
@@ -53,14 +53,14 @@ impl Laws {
     ) -> Result<Self, Box<Diagnostic>> {
         let scene = extended.scene;
         let mut placed = Vec::new();
-        for (summary, term) in scene.terms.iter().zip(&scene.system.terms) {
+        for (k, (summary, term)) in scene.terms.iter().zip(&scene.system.terms).enumerate() {
             let domain = &term.integrator.domain;
             let place = extended.place(domain, term.law.listing.graph.mapping.is_some());
             let Some(source) = scene.source_of(script, summary.origin) else {
                 return Err(not_made(&format!("the text of `{}` is not at hand", summary.name)));
             };
             let made = compile_term_gradient(&extended.env(), &place, &summary.name, source, extended.companions());
-            placed.extend(acts(made, &summary.name, domain, Of::Term)?);
+            placed.extend(acts(made, &summary.name, domain, Of::Term(k))?);
         }
         let mut weights = Vec::new();
         for (k, state) in scene.states.iter().enumerate() {

@@ -4,6 +4,8 @@
 //! An integral has the weights of its rule, a mean those over the size of its region. The largest value is that of one
 //! point, and so is its derivative; two points that share it are told.
 
+use std::collections::BTreeMap;
+
 use wfl::{Code, Diagnostic, ResolvedScript, ast::Reduction};
 use wfl_compiler::{
     compile_value_gradient,
@@ -11,20 +13,23 @@ use wfl_compiler::{
 };
 
 use super::{
-    Request,
+    Differentiated, Request, WantedResult,
+    computed::{Arithmetic, Followed},
     extended::Extended,
     laws::{Of, Placed, acts},
     near::{NEAR, NearKink},
-    refused::{flat, no_result, not_in_weights, of_balance, of_followed},
+    refused::{flat, no_result, not_in_weights, of_balance, of_followed, within},
+    standing::{Ends, Standing},
 };
 use crate::{
-    Measure,
+    Passed,
     assemble::FieldValues,
-    scene::Solving,
+    scene::{Measured, Solving},
     value::{Sampled, Value},
 };
 
 /// What a result is a weighted sum of.
+#[derive(Clone)]
 pub(super) enum Summed {
     /// Values at points: by part of the points the field of their weights.
     Points(Vec<usize>),
@@ -34,9 +39,9 @@ pub(super) enum Summed {
 
 /// A measure as a weighted sum.
 pub(super) struct Weighed {
-    /// The sum that it is added to.
+    /// The result that it is added to.
     pub(super) into: usize,
-    /// Position of the measure in the scene.
+    /// Position of the measure among those of [`Extended::measures`].
     pub(super) measure: usize,
     /// Of what.
     pub(super) summed: Summed,
@@ -44,56 +49,192 @@ pub(super) struct Weighed {
     pub(super) steps: Vec<f64>,
 }
 
-/// Each result of a request: its measure, its points and the weights of steps that end at `times`; and the laws of their
-/// derivatives.
-pub(super) fn weighed(
-    extended: &mut Extended<'_>,
-    script: &ResolvedScript,
-    request: &Request,
-    times: &[f64],
-) -> Result<(Vec<Weighed>, Vec<Placed>), Box<Diagnostic>> {
-    let scene = extended.scene;
-    let (mut results, mut laws) = (Vec::new(), Vec::new());
-    for (number, wanted) in request.results.iter().enumerate() {
-        let into = if request.together { 0 } else { number };
-        let measure = scene.measures.iter().position(|m| m.name == wanted.measure);
-        let declared = script.measures.iter().find(|m| m.name.name == wanted.measure);
-        let (Some(measure), Some(declared)) = (measure, declared) else {
-            let names: Vec<&str> = script.measures.iter().map(|m| m.name.name.as_str()).collect();
-            return Err(no_result(script, &wanted.measure, &names));
-        };
-        let steps = wanted.weights(times).map_err(|why| {
-            Box::new(Diagnostic::new(Code::E470, format!("`{}`: {why}", wanted.name)).at(declared.span, "this measure"))
-        })?;
-        if let Some(rows) = scene.measures[measure].rows() {
+/// What a result follows of the parameters in its own arithmetic: by entry of those that change, at a step of the scene.
+pub(super) struct Direct {
+    /// The result.
+    pub(super) into: usize,
+    /// The number of the step.
+    pub(super) end: usize,
+    /// What it follows there.
+    pub(super) live: Vec<f64>,
+}
+
+/// The results of a request.
+#[derive(Default)]
+pub(super) struct Asked {
+    /// What each is a weighted sum of; several measures add to one result.
+    pub(super) weighed: Vec<Weighed>,
+    /// What parameters do beside them.
+    pub(super) direct: Vec<Direct>,
+    /// By result its value.
+    pub(super) values: Vec<f64>,
+    /// Numbers made of measures between two branches.
+    pub(super) near: Vec<NearKink>,
+    /// The laws of the derivatives of measures.
+    pub(super) laws: Vec<Placed>,
+    /// By measure what it is a sum of.
+    sums: BTreeMap<usize, Summed>,
+    /// By number made of measures what it follows at each step; nothing where no result counts.
+    followed: BTreeMap<String, Vec<Option<Followed>>>,
+}
+
+impl Asked {
+    /// Each result of a request, with the weights of steps that end where those of the run do.
+    pub(super) fn new(
+        extended: &mut Extended<'_>,
+        of: Differentiated<'_>,
+        request: &Request,
+        standing: &mut Standing<'_, '_>,
+        ends: &Ends,
+    ) -> Result<Self, Box<Diagnostic>> {
+        let times: Vec<f64> = ends.keys().map(|n| standing.trajectory.steps[*n].time).collect();
+        let mut made = Self::default();
+        for (number, wanted) in request.results.iter().enumerate() {
+            let into = if request.together { 0 } else { number };
+            let name = &wanted.measure;
+            let steps = wanted.weights(&times).map_err(|why| refused_at(of.script, wanted, &why))?;
+            made.values.resize(into + 1, 0.0);
+            made.values[into] += value_of(of, name, &steps);
+            if let Some(measure) = extended.scene.measures.iter().find(|m| m.name == *name) {
+                let Some(measure) = extended.measure(&measure.name) else { return Err(no_result(of.script, name)) };
+                made.add(extended, (into, measure), steps)?;
+                continue;
+            }
+            if !made.followed.contains_key(name) {
+                let Some(arithmetic) = Arithmetic::new(extended, of.script, name)? else {
+                    return Err(no_result(of.script, name));
+                };
+                let counts = |end: usize| {
+                    let same = request.results.iter().filter(|r| r.measure == *name);
+                    same.filter_map(|r| r.weights(&times).ok()).any(|weights| weights[end] != 0.0)
+                };
+                let counted: Vec<bool> = (0..times.len()).map(counts).collect();
+                made.follow(extended, of, &arithmetic, (name, &counted), standing, ends)?;
+            }
+            made.add_number(extended, (into, name), &steps)?;
+        }
+        Ok(made)
+    }
+
+    /// Adds a measure to a result.
+    fn add(&mut self, extended: &mut Extended<'_>, of: (usize, usize), steps: Vec<f64>) -> Result<(), Box<Diagnostic>> {
+        let (into, measure) = of;
+        if !self.sums.contains_key(&measure) {
+            let summed = self.summed(extended, measure)?;
+            self.sums.insert(measure, summed);
+        }
+        let summed = self.sums[&measure].clone();
+        self.weighed.push(Weighed { into, measure, summed, steps });
+        Ok(())
+    }
+
+    /// What a measure is a sum of; its laws are kept.
+    fn summed(&mut self, extended: &mut Extended<'_>, number: usize) -> Result<Summed, Box<Diagnostic>> {
+        let (measure, declared) = extended.measures[number];
+        let (name, scene) = (&declared.name.name, extended.scene);
+        if let Some(rows) = measure.rows() {
+            if scene.explicit.is_some() || scene.system.rates().is_some_and(|r| r.scheme().offset() != 0.0) {
+                return Err(within(name, declared.expr.span));
+            }
             if scene.system.numbering.has_ties() {
-                return Err(of_followed(&wanted.measure, declared.expr.span));
+                return Err(of_followed(name, declared.expr.span));
             }
             let names: Vec<&str> = extended.live.iter().map(|live| live.name.as_str()).collect();
             not_in_weights(&declared.expr, &names)?;
-            results.push(Weighed { into, measure, summed: Summed::Rows(rows.to_vec()), steps });
-            continue;
+            return Ok(Summed::Rows(rows.to_vec()));
         }
-        let Some((_, points)) = scene.measures[measure].at_points() else {
-            return Err(of_balance(&wanted.measure, declared.expr.span));
-        };
+        let Some((_, points)) = measure.at_points() else { return Err(of_balance(name, declared.expr.span)) };
         let (mut fields, mut any) = (Vec::new(), false);
         for (part, (value, sampled)) in points.iter().enumerate() {
             let weights = extended.add_weights(&sampled.domain);
             let place = extended.place(&sampled.domain, value.law.mapping.is_some());
             let of = (FieldId::new(weights), extended.companions());
-            let made = compile_value_gradient(&extended.env(), &place, &wanted.measure, &declared.expr, of);
-            let law = acts(made, &wanted.measure, &sampled.domain, Of::Measure(number, part))?;
+            let made = compile_value_gradient(&extended.env(), &place, name, &declared.expr, of);
+            let law = acts(made, name, &sampled.domain, Of::Measure(number, part))?;
             any |= law.is_some() || !follows_unknowns(scene, value);
-            laws.extend(law);
+            self.laws.extend(law);
             fields.push(weights);
         }
-        if !any {
-            return Err(flat(&wanted.measure, declared.expr.span));
-        }
-        results.push(Weighed { into, measure, summed: Summed::Points(fields), steps });
+        if any { Ok(Summed::Points(fields)) } else { Err(flat(name, declared.expr.span)) }
     }
-    Ok((results, laws))
+
+    /// What a number made of measures follows at the steps that count.
+    fn follow(
+        &mut self,
+        extended: &Extended<'_>,
+        of: Differentiated<'_>,
+        arithmetic: &Arithmetic,
+        named: (&str, &[bool]),
+        standing: &mut Standing<'_, '_>,
+        ends: &Ends,
+    ) -> Result<(), Box<Diagnostic>> {
+        let (name, counted) = named;
+        let own = arithmetic.own_measures(extended);
+        let mut all = Vec::with_capacity(counted.len());
+        for ((n, end), counts) in ends.iter().zip(counted) {
+            if !counts {
+                all.push(None);
+                continue;
+            }
+            let step = &standing.trajectory.steps[*n];
+            let mut values = of.outcome.steps[*end].measures.clone();
+            if !own.is_empty() {
+                standing.at_end_of(*n)?;
+                let at = Measured::new(standing.solving.system, step.time, step.increment, step.at_end());
+                let at = if step.kind == Passed::Given { at.where_time_starts() } else { at };
+                let own = own.iter().map(|k| extended.measures[*k].0);
+                values.extend(own.map(|m| (m.name.clone(), m.evaluate(&at))));
+            }
+            let (followed, near) = arithmetic.followed(extended, &values, (step.time, step.increment))?;
+            // later steps come first, as the adjoint finds them
+            near.into_iter().for_each(|kink| self.near.insert(0, kink));
+            all.push(Some(followed));
+        }
+        self.followed.insert(name.to_owned(), all);
+        Ok(())
+    }
+
+    /// Adds a number made of measures to a result: its measures, each with what the number follows of it.
+    fn add_number(
+        &mut self,
+        extended: &mut Extended<'_>,
+        of: (usize, &str),
+        steps: &[f64],
+    ) -> Result<(), Box<Diagnostic>> {
+        let (into, name) = of;
+        let followed = self.followed[name].clone();
+        let mut by_measure: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        for (end, (followed, weight)) in followed.iter().zip(steps).enumerate().filter(|(_, (_, w))| **w != 0.0) {
+            let Some(followed) = followed else { continue };
+            for (measure, slope) in &followed.measures {
+                by_measure.entry(*measure).or_insert_with(|| vec![0.0; steps.len()])[end] += weight * slope;
+            }
+            let live: Vec<f64> = followed.live.iter().map(|x| weight * x).collect();
+            if live.iter().any(|x| *x != 0.0) {
+                self.direct.push(Direct { into, end, live });
+            }
+        }
+        by_measure.into_iter().try_for_each(|(measure, steps)| self.add(extended, (into, measure), steps))
+    }
+}
+
+/// A result that is taken at no step, or has no measure, with its place where there is one.
+fn refused_at(script: &ResolvedScript, wanted: &WantedResult, why: &str) -> Box<Diagnostic> {
+    let d = Diagnostic::new(Code::E470, format!("`{}`: {why}", wanted.name));
+    let measures = script.measures.iter().map(|m| (&m.name, m.span));
+    let place =
+        measures.chain(script.computed.iter().map(|c| (&c.name, c.span))).find(|(n, _)| n.name == wanted.measure);
+    Box::new(match place {
+        Some((_, span)) => d.at(span, "this measure"),
+        None => d,
+    })
+}
+
+/// The value of a result.
+fn value_of(of: Differentiated<'_>, name: &str, steps: &[f64]) -> f64 {
+    let at = |step: &crate::StepResult| step.measures.iter().find(|m| m.0 == *name).map_or(f64::NAN, |m| m.1);
+    let counted = of.outcome.steps.iter().zip(steps).filter(|(_, weight)| **weight != 0.0);
+    counted.map(|(step, weight)| weight * at(step)).sum()
 }
 
 /// Whether an expression reads what the run finds.
@@ -112,11 +253,12 @@ impl Weighed {
     /// measure to first order; and what there is to tell of points that share the largest value.
     pub(super) fn at_points(
         &self,
-        solving: &Solving<'_>,
+        of: (&Extended<'_>, &Solving<'_>),
         values: FieldValues<'_>,
         step: (f64, f64),
     ) -> (Vec<Vec<f64>>, Option<NearKink>) {
-        let measure: &Measure = &solving.measures[self.measure];
+        let (extended, solving) = of;
+        let measure = extended.measures[self.measure].0;
         let (reduction, parts) = measure.at_points().expect("others are refused");
         let points: Vec<Vec<[f64; 2]>> =
             parts.iter().map(|(value, sampled)| taken(solving, (value, sampled), values, step)).collect();

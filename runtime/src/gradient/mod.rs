@@ -16,6 +16,8 @@
 
 mod adjoint;
 mod along;
+mod beginning;
+mod computed;
 mod extended;
 mod formulas;
 mod forward;
@@ -28,6 +30,7 @@ mod parameters;
 mod refused;
 mod request;
 mod standing;
+mod stated;
 
 use std::time::Instant;
 
@@ -40,6 +43,7 @@ pub use jacobian::{Jacobian, Mode};
 pub use near::NearKink;
 pub use refused::{NO_DERIVATIVE, not_together};
 pub use request::{Request, Result as WantedResult, When};
+pub use stated::{settle, stated};
 
 /// What is differentiated: a run with the scene that it is of.
 #[derive(Clone, Copy)]

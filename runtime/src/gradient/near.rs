@@ -8,7 +8,7 @@ use wfl_compiler::{
     Constant, KinkKind, KinkSides, backend::KernelBackend, compile_kink_sides, compile_value_kink_sides,
 };
 
-use super::{extended::Extended, laws::update_of, refused::not_made};
+use super::{extended::Extended, laws::update_of, measures::Weighed, refused::not_made};
 use crate::{
     Scene,
     assemble::FieldValues,
@@ -48,7 +48,9 @@ impl NearKink {
             1 => ", and some at another step".to_owned(),
             n => format!(", and some at {n} more steps"),
         };
-        Diagnostic::new(Code::W660, format!("{points} of {of} points of `{place}` {kind} at t = {time}{further}"))
+        // a number is no set of points
+        let what = if *of == 0 { String::new() } else { format!("{points} of {of} points of ") };
+        Diagnostic::new(Code::W660, format!("{what}`{place}` {kind} at t = {time}{further}"))
             .at_or_note(*span, "the derivative is that of one side, and another one for changes to the other side")
             .help("differences of runs to both sides show them: wfl verify --gradient")
     }
@@ -85,7 +87,7 @@ impl Kinks {
     pub(super) fn new(
         extended: &Extended<'_>,
         script: &ResolvedScript,
-        measures: impl Iterator<Item = usize>,
+        weighed: &[Weighed],
         backend: &dyn KernelBackend,
     ) -> Result<Self, Box<Diagnostic>> {
         let scene: &Scene = extended.scene;
@@ -107,9 +109,8 @@ impl Kinks {
                 found.push(((name.clone(), scene.place_of_field(name)), None, &sampled.domain, sides));
             }
         }
-        for k in measures.collect::<BTreeSet<usize>>() {
-            let measure = &scene.measures[k];
-            let Some(declared) = script.measures.iter().find(|m| m.name.name == measure.name) else { continue };
+        for k in weighed.iter().map(|w| w.measure).collect::<BTreeSet<usize>>() {
+            let (measure, declared) = extended.measures[k];
             for (value, sampled) in measure.at_points().map_or(&[][..], |(_, parts)| parts) {
                 let place = extended.place(&sampled.domain, value.law.mapping.is_some());
                 let sides = compile_value_kink_sides(&env, &place, &measure.name, &declared.expr);

@@ -140,11 +140,19 @@ pub(super) fn notes(script: &ResolvedScript, scene: &Scene, request: &Request, l
 }
 
 /// Calls `f` for every expression that a solution or a result is made of.
-fn for_each_formula<'s>(script: &'s ResolvedScript, request: &Request, f: &mut dyn FnMut(&'s Expr)) {
+fn for_each_formula<'s>(script: &'s ResolvedScript, request: &'s Request, f: &mut dyn FnMut(&'s Expr)) {
     script.params.iter().for_each(|p| f(&p.value));
     script.terms.iter().for_each(|t| f(&t.expr));
     script.loads.iter().chain(&script.fixes).for_each(|c| f(&c.value));
-    let is_asked = |m: &&Measure| request.results.iter().any(|r| r.measure == m.name.name);
+    let mut asked: BTreeSet<&str> = request.results.iter().map(|r| r.measure.as_str()).collect();
+    for number in script.computed.iter().rev() {
+        if asked.contains(number.name.name.as_str()) {
+            f(&number.expr);
+            each_name(&number.expr, &mut |word| asked.extend([word]));
+            number.watched.iter().for_each(|m| f(&m.expr));
+        }
+    }
+    let is_asked = |m: &&Measure| asked.contains(m.name.name.as_str());
     script.measures.iter().filter(is_asked).for_each(|m| f(&m.expr));
     for start in &script.starts {
         if let StartKind::Field { value, .. } | StartKind::Rate { value, .. } = &start.kind {

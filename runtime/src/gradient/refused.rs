@@ -7,12 +7,12 @@ use wfl::{
 };
 
 use super::{Differentiated, Request, extended::Live, request::known};
-use crate::{Scene, newton::Stop, rates::Rates, scene::place_of_moving};
+use crate::{Scene, newton::Stop, scene::place_of_moving, system::FIXED};
 
 /// The code of what has no derivative.
 pub const NO_DERIVATIVE: Code = Code::E470;
 
-fn message(text: impl Into<String>) -> Diagnostic {
+pub(super) fn message(text: impl Into<String>) -> Diagnostic {
     Diagnostic::new(NO_DERIVATIVE, text)
 }
 
@@ -52,15 +52,12 @@ pub(super) fn no_whole_measure(name: &str) -> Box<Diagnostic> {
 }
 
 /// No such measure.
-pub(super) fn no_result(script: &ResolvedScript, name: &str, names: &[&str]) -> Box<Diagnostic> {
-    if let Some(computed) = script.computed.iter().find(|c| c.name.name == name) {
-        let d = message(format!("`{name}` is made of measures: it has no derivative yet"));
-        let help = "the measures in it have derivatives; those of a quotient or product follow from them";
-        return Box::new(d.at(computed.expr.span, "this number").help(help));
-    }
+pub(super) fn no_result(script: &ResolvedScript, name: &str) -> Box<Diagnostic> {
+    let measures = script.measures.iter().map(|m| m.name.name.as_str());
+    let names: Vec<&str> = measures.chain(script.computed.iter().map(|c| c.name.name.as_str())).collect();
     let help = match script.energies().iter().any(|e| e == name) {
         true => "the balance of energy has no derivatives yet: a measure of the energy itself has them".to_owned(),
-        false => known(name, names, "measure"),
+        false => known(name, &names, "measure"),
     };
     Box::new(message(format!("`{name}` is no measure that can be differentiated")).help(help))
 }
@@ -86,6 +83,17 @@ pub(super) fn of_followed(name: &str, span: Span) -> Box<Diagnostic> {
     Box::new(d.at(span, "").help("the integral of a traction over the faces is the same force, and has one"))
 }
 
+/// A reaction where equations stand within a step.
+pub(super) fn within(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!(
+        "`{name}` is a reaction at the end of a step whose equations stand before it: it has no derivative yet"
+    ));
+    Box::new(
+        d.at(span, "")
+            .help("the integral of a traction over the faces has one; so has the reaction under `scheme newmark`"),
+    )
+}
+
 /// Whether a run can be differentiated with what else was asked of it; why not, in words and with the place of what does not
 /// go with it.
 #[must_use]
@@ -96,15 +104,19 @@ pub fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic
         let d = message("several ranks have no derivatives yet").help("run it without mpirun");
         return Some(placed(d, steps()));
     }
-    let of_a_list = scene.steps.are_listed();
-    let reads_start = |r: &Rates| r.scheme().offset() != 0.0 || r.are_read_at_start(of_a_list);
-    if scene.explicit.is_some() || system.redistribution().is_some() || system.rates().is_some_and(reads_start) {
-        let d = message("the rates of this scheme have no derivatives yet");
-        let d = d.help(
-            "states, `Previous_u` and first rates by backward Euler, BDF2 and BDF (`scheme bdf2`, steps `by auto`) have \
-             them; differences of whole runs do for the others: wfl sweep",
-        );
+    let turned = || !system.numbering.frames.list().is_empty() || system.numbering.has_ties();
+    if scene.explicit.is_some() && turned() {
+        let d =
+            message("explicit steps with inclined supports, or with nodes that follow others, have no derivatives yet");
+        return Some(placed(d.help("`scheme newmark` has them"), steps()));
+    }
+    if system.redistribution().is_some() {
+        let d = message("nodes without mass have no derivatives yet");
+        let d = d.help("without `massless`, every scheme has them; differences of whole runs: wfl sweep");
         return Some(placed(d, steps()));
+    }
+    if let Some(d) = without_rate(scene, script) {
+        return Some(d);
     }
     if system.has_moving_images() {
         let d = message("images that follow the bodies have no derivatives yet");
@@ -112,6 +124,23 @@ pub fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic
         return Some(placed(d, place_of_moving(script)));
     }
     None
+}
+
+/// Where the rates at the start count, a field that is solved for there and has none.
+fn without_rate(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic> {
+    let system = &scene.system;
+    let rates = system.rates().filter(|r| r.are_read_at_start(scene.steps.are_listed()))?;
+    let is_without = |k: &usize| {
+        let is_free = |d: usize| system.numbering.free[d] != FIXED;
+        let has_rates = rates.fields().iter().any(|of| of.field == *k);
+        !has_rates && system.range(*k).is_some_and(|mut range| range.any(is_free))
+    };
+    let name = &system.fields[(0..system.fields.len()).find(is_without)?].name;
+    let d = message(format!(
+        "`{name}` has no rate, and the rates where time starts depend on it: no derivative follows that yet"
+    ));
+    let d = d.help("contact as a penalty or by Nitsche's method; differences of whole runs: wfl sweep");
+    Some(placed(d, script.fields.iter().find(|f| f.name.name == *name).map(|f| f.span)))
 }
 
 fn placed(d: Diagnostic, at: Option<Span>) -> Diagnostic {
@@ -239,11 +268,6 @@ fn each_fixed_place<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr, 
     for quadrature in &script.quadratures {
         if let QuadratureRule::Degree(e) = &quadrature.rule {
             f(e, "`quadrature`", OF_OPTION);
-        }
-    }
-    for start in &script.starts {
-        if let wfl::StartKind::Rate { value, .. } = &start.kind {
-            f(value, "a first rate", "the rates of this scheme have no derivatives yet");
         }
     }
     for measure in &script.measures {

@@ -3,12 +3,15 @@
 use std::collections::BTreeMap;
 
 use wfl::Diagnostic;
+use wfl_compiler::types::RateOrder;
 
 use super::refused::not_made;
 use crate::{
     Outcome, Passed, PassedStep, Trajectory,
+    lumped::Probe,
     rates::{Rates, StepAt},
-    scene::Solving,
+    scene::{Explicit, Solving},
+    system::FIXED,
 };
 
 /// Linearised equations hold to this part of their right-hand side, or the tangent is not that of the laws.
@@ -33,32 +36,141 @@ pub(super) fn of_run(outcome: &Outcome) -> Result<(&Trajectory, Ends), Box<Diagn
 pub(super) struct Standing<'a, 's> {
     pub(super) trajectory: &'a Trajectory,
     pub(super) solving: Solving<'s>,
+    /// By field its values behind the last step.
+    last: Vec<Vec<f64>>,
 }
 
-impl Standing<'_, '_> {
+impl<'a, 's> Standing<'a, 's> {
+    /// A run that has ended, with its equations at its end.
+    pub(super) fn new(trajectory: &'a Trajectory, solving: Solving<'s>) -> Self {
+        Self { trajectory, last: solving.system.data().to_vec(), solving }
+    }
+
+    /// Brings the equations to what measures read at the end of a step.
+    pub(super) fn at_end_of(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
+        self.at(n)?;
+        self.put_states_behind(n);
+        let trajectory = self.trajectory;
+        if self.is_within(&trajectory.steps[n]) { self.go_to_end(&trajectory.steps[n]) } else { Ok(()) }
+    }
+
+    /// Brings the states to those behind a step.
+    pub(super) fn put_states_behind(&mut self, n: usize) {
+        let trajectory = self.trajectory;
+        if let Some(next) = trajectory.steps.get(n + 1) {
+            self.put_states(&next.states);
+        } else {
+            let last = std::mem::take(&mut self.last);
+            self.put_states(&last);
+            self.last = last;
+        }
+    }
+
     /// Brings the equations to a step: data, states and the past as its equations read them.
     pub(super) fn at(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
         let steps = &self.trajectory.steps;
         let step = &steps[n];
         let (past, at) = match n.checked_sub(1).map(|k| &steps[k]) {
-            Some(past) => (&past.u, (past.time, past.increment)),
-            None => (&self.trajectory.start, (step.time, step.increment)),
+            Some(past) => (past.at_end(), (past.time, past.increment)),
+            None => (self.trajectory.start.as_slice(), (step.time, step.increment)),
         };
         let bad = |e: crate::SystemError| not_made(&e.to_string());
         self.put_states(&step.states);
         self.solving.set_data(at.0, at.1).map_err(bad)?;
         self.solving.system.end_step(past);
         self.solving.system.set_rates(step.rates.as_ref());
-        self.solving.set_data(step.time, step.increment).map_err(bad)?;
+        if step.kind == Passed::Explicit {
+            return self.at_explicit(n);
+        }
+        let time = self.time_of(step);
+        self.solving.set_data(time, step.increment).map_err(bad)?;
         if step.kind != Passed::Given {
-            self.solving.system.begin_step(step.time, step.increment).map_err(bad)?;
+            self.solving.system.begin_step(time, step.increment).map_err(bad)?;
         }
         Ok(())
     }
 
-    /// What laws take of a step.
-    pub(super) fn step_of(&self, step: &PassedStep) -> StepAt {
-        self.solving.system.step_at(step.time, step.increment)
+    /// The same for an explicit step: rates half a step before its end, and no second ones.
+    fn at_explicit(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
+        let step = &self.trajectory.steps[n];
+        let (h, before) = (step.increment, &self.trajectory.steps[n - 1]);
+        let mut half = vec![0.0; step.u.len()];
+        for of in before.rates.iter().flat_map(Rates::fields) {
+            for (k, d) in of.dofs.clone().enumerate() {
+                let is_fixed = self.solving.system.numbering.free[d] == FIXED;
+                half[d] =
+                    if is_fixed { (step.u[d] - before.u[d]) / h } else { of.kept[0][k] + 0.5 * h * of.kept[1][k] };
+            }
+        }
+        self.take_rates(&half, &vec![0.0; half.len()]);
+        self.solving.set_data(step.time, h).map_err(|e| not_made(&e.to_string()))?;
+        self.solving.system.set_laws(step.time, h);
+        Ok(())
+    }
+
+    fn take_rates(&mut self, first: &[f64], second: &[f64]) {
+        if let Some(rates) = self.solving.system.rates_mut() {
+            rates.take(first, second);
+        }
+    }
+
+    /// Where time starts, first rates as they are and no second ones.
+    pub(super) fn hold_accelerations_zero(&mut self) {
+        let n = self.solving.system.numbering.n_dofs;
+        let mut first = vec![0.0; n];
+        for of in self.trajectory.steps[0].rates.iter().flat_map(Rates::fields) {
+            first[of.dofs.clone()].copy_from_slice(&of.kept[0]);
+        }
+        self.take_rates(&first, &vec![0.0; n]);
+    }
+
+    /// The rates that mass and damping on the diagonal were found with, where time starts.
+    pub(super) fn probes(&mut self, explicit: &Explicit) -> Result<Vec<Probe>, Box<Diagnostic>> {
+        let trajectory = self.trajectory;
+        let step = &trajectory.steps[0];
+        self.at(0)?;
+        explicit.lumped.probes(self.solving.system, &step.u, step.time).map_err(|e| not_made(&e.to_string()))
+    }
+
+    /// The rate of a probe, and no other one; nothing is a rate of zero.
+    pub(super) fn take_probe(&mut self, probe: &Probe, is_there: bool) {
+        let zero = vec![0.0; probe.rate.len()];
+        let rate = if is_there { &probe.rate } else { &zero };
+        match probe.order {
+            RateOrder::First => self.take_rates(rate, &zero),
+            RateOrder::Second => self.take_rates(&zero, rate),
+        }
+    }
+
+    /// True if values and rates at the end of a step are others than those that its equations stand with.
+    pub(super) fn is_within(&self, step: &PassedStep) -> bool {
+        self.offset(step) != 0.0 || step.kind == Passed::Explicit
+    }
+
+    /// How far before its end the equations of a step stand, as a part of it: 0 for most schemes.
+    pub(super) fn offset(&self, step: &PassedStep) -> f64 {
+        let rates = step.rates.as_ref().filter(|_| step.kind != Passed::Given);
+        rates.map_or(0.0, |rates| rates.scheme().offset())
+    }
+
+    /// The step variable where the equations of a step stand.
+    pub(super) fn time_of(&self, step: &PassedStep) -> f64 {
+        step.time - self.offset(step) * step.increment
+    }
+
+    /// Brings data and rates from where the equations of a step stand to its end.
+    pub(super) fn go_to_end(&mut self, step: &PassedStep) -> Result<(), Box<Diagnostic>> {
+        if step.kind == Passed::Explicit {
+            self.solving.system.set_rates(step.rates.as_ref());
+        } else if let Some((rates, past)) = self.solving.system.rates_and_past() {
+            rates.finish(&mut step.u.clone(), &past.unknowns);
+        }
+        self.solving.set_data(step.time, step.increment).map_err(|e| not_made(&e.to_string()))
+    }
+
+    /// What laws take of a step, at its end or where its equations stand.
+    pub(super) fn step_of(&self, time: f64, step: &PassedStep) -> StepAt {
+        self.solving.system.step_at(time, step.increment)
     }
 
     /// The rates of the step.

@@ -23,6 +23,16 @@ pub fn field_cells(field: &Field) -> Option<Cells> {
     (1..=2).contains(&space.degree()).then(|| cells_of(space))
 }
 
+/// A grid of the nodes of a field, with numbers at them by name: `[node * components + component]`. `None` where
+/// [`field_cells`] is.
+#[must_use]
+pub fn field_grid(scene: &Scene, field: usize, named: &[(String, &[f64])]) -> Option<Piece> {
+    let own = &scene.system.fields[field];
+    let (cells, points) = (field_cells(own)?, (0..own.n_nodes()).map(|node| own.node_position(node)).collect());
+    let of = |(name, values): &(String, &[f64])| array(name, scene.sigs[field].shape, values.to_vec());
+    Some(Piece { points, cells, point_data: named.iter().map(of).collect(), ..Piece::default() })
+}
+
 fn cells_of(space: &Space) -> Cells {
     let mut cells = Cells::default();
     for position in 0..space.n_positions() {

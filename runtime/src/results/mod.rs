@@ -5,7 +5,7 @@ mod line;
 mod locate;
 mod piece;
 
-pub use fields::{field_cells, field_grids};
+pub use fields::{field_cells, field_grid, field_grids};
 pub use line::LineSample;
 pub use locate::Located;
 pub(crate) use piece::vtk_cell;

@@ -31,6 +31,7 @@ impl Stepper {
         self.renew(scene);
         rates::leave(scene, at, u)?;
         if within {
+            self.trajectory.iter_mut().for_each(|kept| kept.ended_at(u));
             self.balance(scene, at, u)?;
         }
         Ok(())

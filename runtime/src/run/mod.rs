@@ -53,6 +53,8 @@ pub use memory::Memory;
 pub use options::RunOptions;
 pub use outcome::{KeptStep, KeptTable, Outcome, save};
 pub use progress::{Progress, Quiet};
+pub(crate) use rates::{Mass, mass_at_start, prescribed_differences};
+pub(crate) use report::put_expectations;
 pub use session::{Session, Standing};
 pub use state::State as RunState;
 pub use stepping::FRUITLESS;
@@ -559,7 +561,8 @@ impl Run {
         step.creep = friction.and_then(|f| f.creep);
         self.clock.check += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
-        self.stepper.keep_passed(scene, at, &self.u, Passed::of(&step.history));
+        let kind = if scene.explicit.is_some() && !is_start { Passed::Explicit } else { Passed::of(&step.history) };
+        self.stepper.keep_passed(scene, at, &self.u, kind);
         let left = self.stepper.leave(scene, at, &mut self.u);
         left.map_err(|error| RunError::Newton { step: number, time, error })?;
         self.stepper.remember(scene, increment, &self.u);

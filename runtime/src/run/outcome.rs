@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use wfl::{Code, Diagnostic};
+use wfl_compiler::Constant;
 
 use super::{
     Attempt, AttemptEnd, Episode, Run, RunError, RunOptions, Sides, StepResult, Trajectory,
@@ -34,6 +35,8 @@ pub struct Outcome {
     pub expectations: Vec<(wfl::Expect, Option<bool>)>,
     /// What expectations know beside params: the measures at the last step, and the numbers of the events.
     pub known: Vec<(String, f64)>,
+    /// Derivatives that expectations know, once they are found ([`crate::gradient::settle`]).
+    pub derivatives: Vec<(String, Constant)>,
     /// Messages of the expectations.
     pub diagnostics: Vec<Diagnostic>,
     /// The events of the scene by name, each with the times that it lasted.
@@ -116,7 +119,7 @@ impl Run {
         let events = self.episodes(scene);
         let mut known = last;
         events.iter().for_each(|(name, episodes)| known.extend(numbers_of(name, episodes)));
-        let (expectations, diagnostics) = if done { scene.expectations(&known) } else { (Vec::new(), Vec::new()) };
+        let (expectations, diagnostics) = if done { scene.expectations(&known, &[]) } else { (Vec::new(), Vec::new()) };
         let warnings = findings::of_run(&Ended { scene, run: &self, is_done: done });
         let mut report = report::report(scene, options, &self, &expectations);
         report.warnings.extend(warnings.iter().map(|d| format!("{}: {}", d.code, d.line())));
@@ -134,6 +137,7 @@ impl Run {
             kept,
             expectations,
             known,
+            derivatives: Vec::new(),
             diagnostics,
             warnings,
             events,

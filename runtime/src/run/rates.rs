@@ -161,6 +161,16 @@ fn prescribed_rates(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<
     Ok([first, second])
 }
 
+/// What rates of prescribed values are made of where time starts: by value how long after the start, its factors in the first
+/// and in the second rate, and the increment that its formula sees.
+pub(crate) fn prescribed_differences(increment: f64) -> Vec<(f64, f64, f64, f64)> {
+    let distance = 0.25 * increment;
+    let of = |k: u32, a: f64, b: f64| {
+        (f64::from(k) * distance, a / (12.0 * distance), b / (12.0 * distance * distance), distance)
+    };
+    (0u32..).zip(FIRST.iter().zip(&SECOND)).map(|(k, (a, b))| of(k, *a, *b)).collect()
+}
+
 /// The highest rate of each dof of a field with rates, from the equations with the other rates as they are kept; those
 /// that are prescribed stay. Behind them whether the equations say something of each.
 fn highest(
@@ -175,6 +185,62 @@ fn highest(
     scene.system.numbering.gather(&residual.values, &mut rhs);
     // each rank solves the whole system: the others have their rows, and zeros in those of this one
     scene.system.team().sum(&mut rhs);
+    let mass = mass(scene, u, at, &held)?;
+    let mut base = vec![0.0; u.len()];
+    for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
+        let from = if of.form == RateForm::Second { known[1] } else { known[0] };
+        base[of.dofs.clone()].copy_from_slice(&from[of.dofs.clone()]);
+    }
+    rhs.iter_mut().for_each(|r| *r = -*r);
+    let found = mass.rates(&rhs, false)?;
+    let mut out = base.clone();
+    scene.system.numbering.advance(&base, &found, 1.0, &mut out);
+    Ok((out, !mass.leaves_some_out()))
+}
+
+/// What the equations multiply the highest rates by where time starts, over the free unknowns.
+pub(crate) struct Mass {
+    /// Rows and columns scaled; unit rows for dofs without mass.
+    matrix: Csr,
+    scale: Vec<f64>,
+    rated: Vec<bool>,
+    massless: Vec<bool>,
+    root: f64,
+    symmetric: bool,
+}
+
+impl Mass {
+    /// The highest rates of forces, by free number, or by the transposed equations; zero for what has no rate or no mass.
+    pub(crate) fn rates(&self, forces: &[f64], transposed: bool) -> Result<Vec<f64>, NewtonError> {
+        let Self { matrix, scale, rated, massless, root, symmetric } = self;
+        let of = |(k, force): (usize, &f64)| if massless[k] { 0.0 } else { force * scale[k] };
+        let rhs: Vec<f64> = forces.iter().enumerate().map(of).collect();
+        let mut found = if transposed && !symmetric {
+            mass_solution(&matrix.transpose(), *symmetric, &rhs)?
+        } else {
+            mass_solution(matrix, *symmetric, &rhs)?
+        };
+        for (x, rated) in found.iter_mut().zip(rated) {
+            *x = if *rated { root * *x } else { 0.0 };
+        }
+        Ok(found)
+    }
+
+    /// True if the equations say nothing of the rate of some dof.
+    pub(crate) fn leaves_some_out(&self) -> bool {
+        self.massless.contains(&true)
+    }
+}
+
+/// The same at the state `u` and the first increment behind `at`, its step variable.
+pub(crate) fn mass_at_start(scene: &mut Solving<'_>, u: &[f64], at: (f64, f64)) -> Result<Mass, NewtonError> {
+    let at = StepTime { time: at.0, increment: at.1 };
+    let held = tangent(scene, u, at)?;
+    mass(scene, u, at, &held)
+}
+
+/// From the tangent at rates that are held.
+fn mass(scene: &mut Solving<'_>, u: &[f64], at: StepTime, held: &Csr) -> Result<Mass, NewtonError> {
     #[expect(clippy::cast_possible_truncation, reason = "an exponent")]
     let exponent = WEIGHT - at.increment.abs().log2().floor() as i32;
     let (weight, root) = (2.0f64.powi(2 * exponent), 2.0f64.powi(exponent));
@@ -183,11 +249,8 @@ fn highest(
     }
     let weighted = tangent(scene, u, at)?;
     scene.system.hold_rates();
-    let mut base = vec![0.0; u.len()];
     let mut has_rate = vec![false; u.len()];
     for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
-        let from = if of.form == RateForm::Second { known[1] } else { known[0] };
-        base[of.dofs.clone()].copy_from_slice(&from[of.dofs.clone()]);
         has_rate[of.dofs.clone()].fill(true);
     }
     let numbering = &scene.system.numbering;
@@ -200,17 +263,9 @@ fn highest(
     let without_mass = |k: usize| weighted.get(k, k) == held.get(k, k) || relieved(k);
     let massless: Vec<bool> = (0..rated.len()).map(|k| rated[k] && without_mass(k)).collect();
     let scale: Vec<f64> = rated.iter().map(|r| if *r { 1.0 / root } else { root }).collect();
-    for ((b, s), left_out) in rhs.iter_mut().zip(&scale).zip(&massless) {
-        *b = if *left_out { 0.0 } else { -*b * s };
-    }
     let symmetric = scene.system.is_symmetric() && rated.iter().all(|r| *r);
-    let mut found = mass_solution(&scaled(&weighted, &scale, &massless)?, symmetric, &rhs)?;
-    for (x, rated) in found.iter_mut().zip(&rated) {
-        *x = if *rated { root * *x } else { 0.0 };
-    }
-    let mut out = base.clone();
-    numbering.advance(&base, &found, 1.0, &mut out);
-    Ok((out, !massless.contains(&true)))
+    let matrix = scaled(&weighted, &scale, &massless)?;
+    Ok(Mass { matrix, scale, rated, massless, root, symmetric })
 }
 
 /// The accelerations with a mass on the diagonal; those that are prescribed stay.

@@ -52,10 +52,7 @@ pub(super) fn report(
     }
     report.left_out = scene.left_out().into_iter().map(|l| left_out(l, &options.savings)).collect();
     report.steps = run.steps.iter().map(step_report).collect();
-    for (expect, holds) in expectations {
-        let value = f64::from(u8::from(*holds != Some(true)));
-        report.checks.insert(format!("expect {}", expect.text), Check::at_most(0.0, value));
-    }
+    put_expectations(&mut report, expectations);
     for (_, check) in worst_checks(&run.steps) {
         let made = Check { value: Real(check.value), tolerance: Real(check.limit), ok: check.holds() };
         report.checks.insert(check.name.clone(), made);
@@ -73,6 +70,14 @@ pub(super) fn report(
         total: options.started.elapsed().as_secs_f64(),
     };
     report
+}
+
+/// Writes which expectations hold.
+pub(crate) fn put_expectations(report: &mut Report, expectations: &[(wfl::Expect, Option<bool>)]) {
+    for (expect, holds) in expectations {
+        let value = f64::from(u8::from(*holds != Some(true)));
+        report.checks.insert(format!("expect {}", expect.text), Check::at_most(0.0, value));
+    }
 }
 
 /// Largest resident memory of each rank in bytes, 0 where that is not known; asked by all of them. Empty for one alone.

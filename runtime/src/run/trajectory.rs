@@ -28,14 +28,24 @@ pub struct PassedStep {
     pub time: f64,
     /// Its increment.
     pub increment: f64,
-    /// All unknowns at its end.
+    /// All unknowns where its equations stand: at its end, for most schemes.
     pub u: Vec<f64>,
+    /// All unknowns at its end, where its equations stand before it.
+    pub end: Option<Vec<f64>>,
     /// By field its values as the equations read them: those of states at the start of the step; empty for other fields.
     pub states: Vec<Vec<f64>>,
     /// The rates of the step, with what was kept at its start; nothing in a scene without.
     pub rates: Option<Rates>,
     /// What it is.
     pub kind: Passed,
+}
+
+impl PassedStep {
+    /// All unknowns at its end.
+    #[must_use]
+    pub fn at_end(&self) -> &[f64] {
+        self.end.as_deref().unwrap_or(&self.u)
+    }
 }
 
 /// What a step of a trajectory is.
@@ -47,6 +57,8 @@ pub enum Passed {
     Part,
     /// A step of the scene.
     Step,
+    /// An explicit step of the scene: no equation was solved, and its laws stand in it with rates half a step before its end.
+    Explicit,
 }
 
 impl Passed {
@@ -70,6 +82,13 @@ impl Trajectory {
         };
         let states = scene.system.fields.iter().enumerate().map(of).collect();
         let (u, rates) = (u.to_vec(), scene.system.rates().map(Rates::as_begun));
-        self.steps.push(PassedStep { time: at.time, increment: at.increment, u, states, rates, kind });
+        self.steps.push(PassedStep { time: at.time, increment: at.increment, u, end: None, states, rates, kind });
+    }
+
+    /// The step that was added last ends at `u`, behind where its equations stand.
+    pub(super) fn ended_at(&mut self, u: &[f64]) {
+        if let Some(step) = self.steps.last_mut().filter(|step| step.kind != Passed::Given) {
+            step.end = Some(u.to_vec());
+        }
     }
 }

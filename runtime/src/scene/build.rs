@@ -372,6 +372,7 @@ impl Builder<'_> {
             tables: self.env.tables.to_vec(),
             expansions: self.script.expansions.clone(),
             expects: self.script.expects.clone(),
+            derivatives: rest::derivatives(self.script, self.params),
             dim: self.env.dim,
         }
     }

@@ -11,11 +11,15 @@ use wfl_compiler::{Constant, Env, compile_condition, constant, interpret, run_pr
 use super::Scene;
 
 impl Scene {
-    /// The `expect` conditions with measures at their last values: the condition and whether it holds; `None` for
-    /// one that cannot be evaluated.
+    /// The `expect` conditions with measures at their last values, and with derivatives: the condition and whether it holds;
+    /// `None` for one that cannot be evaluated.
     #[must_use]
-    pub fn expectations(&self, measures: &[(String, f64)]) -> (Vec<(Expect, Option<bool>)>, Vec<Diagnostic>) {
-        let params = self.with_measures(measures);
+    pub fn expectations(
+        &self,
+        measures: &[(String, f64)],
+        derivatives: &[(String, Constant)],
+    ) -> (Vec<(Expect, Option<bool>)>, Vec<Diagnostic>) {
+        let params = self.known(measures, derivatives);
         let env = self.bare(&params);
         let place = super::fields::global_place(0);
         let mut diagnostics = Vec::new();
@@ -47,11 +51,16 @@ impl Scene {
         }
     }
 
-    /// What stands on the sides of the comparisons of a condition, with measures at their last values, in the order of the
+    /// What stands on the sides of the comparisons of a condition, with measures at their last values and derivatives, in the order of the
     /// text; what is a number as written is left out.
     #[must_use]
-    pub fn sides(&self, condition: &Cond, measures: &[(String, f64)]) -> Vec<(Span, f64)> {
-        let params = self.with_measures(measures);
+    pub fn sides(
+        &self,
+        condition: &Cond,
+        measures: &[(String, f64)],
+        derivatives: &[(String, Constant)],
+    ) -> Vec<(Span, f64)> {
+        let params = self.known(measures, derivatives);
         let env = self.bare(&params);
         let mut sides = Vec::new();
         compared(condition, &mut sides);
@@ -75,6 +84,13 @@ impl Scene {
         let params = self.with_measures(values);
         let env = self.bare(&params);
         all.into_iter().map(|e| constant(&env, "a number", e).value?.values.first().copied()).collect()
+    }
+
+    /// The params of the scene, its measures as numbers, and derivatives; those that nobody has found are no numbers.
+    fn known(&self, measures: &[(String, f64)], derivatives: &[(String, Constant)]) -> BTreeMap<String, Constant> {
+        let mut params = self.with_measures(measures);
+        params.extend(self.env.derivatives.iter().chain(derivatives).cloned());
+        params
     }
 
     /// The params of the scene and its measures as numbers.

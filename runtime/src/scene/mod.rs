@@ -335,6 +335,8 @@ struct OwnedEnv {
     expansions: wfl::ast::Expansions,
     tables: Vec<std::sync::Arc<wfl::Table>>,
     expects: Vec<wfl::Expect>,
+    /// The derivatives that `gradient` statements name, as long as nobody has found them.
+    derivatives: Vec<(String, Constant)>,
     dim: usize,
 }
 

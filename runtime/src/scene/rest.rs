@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use wfl::{
     Code, Diagnostic, FieldKind as Declared, Lost, ResolvedScript, Span, StartKind,
     ast::{
-        Cond, EntityKind, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionValue, Place, QuadratureRule,
+        AtSteps, Cond, EntityKind, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionValue, Place, QuadratureRule,
         RegionExpr, TargetPart,
     },
 };
@@ -195,6 +195,16 @@ pub(super) fn expects(
     for event in &script.events {
         known.extend(wfl::Event::NUMBERS.map(|end| (format!("{}{end}", event.name.name), number())));
     }
+    for gradient in &script.gradients {
+        for result in &gradient.results {
+            if let AtSteps::At(_, value) = &result.at {
+                diagnostics.extend(
+                    constant(&bare_env(script, dim, params), "a value of the step variable", value).diagnostics,
+                );
+            }
+        }
+    }
+    known.extend(derivatives(script, params));
     let env = bare_env(script, dim, &known);
     for expect in &script.expects {
         let told = check_condition(&env, &global_place(0), &expect.condition);
@@ -206,6 +216,15 @@ pub(super) fn expects(
         };
         diagnostics.extend(told.into_iter().map(over_space).filter(|d| !diagnostics.contains(d)).collect::<Vec<_>>());
     }
+}
+
+/// The derivatives that `gradient` statements name, each of the shape of its parameter, before they are found.
+pub(super) fn derivatives(script: &ResolvedScript, params: &BTreeMap<String, Constant>) -> Vec<(String, Constant)> {
+    let of = |of: &wfl::Derivative| {
+        let shape = params.get(&of.parameter.name).map_or(Shape::SCALAR, |p| p.shape);
+        (of.name.clone(), Constant { shape, values: vec![f64::NAN; shape.len()], declared: None })
+    };
+    script.gradients.iter().flat_map(|g| &g.derivatives).map(of).collect()
 }
 
 /// The dimension that the statement of a box shows.

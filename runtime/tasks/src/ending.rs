@@ -127,7 +127,7 @@ fn not_as_expected(scene: &Scene, outcome: &Outcome, picked: Option<&str>) -> Ve
     let broken = outcome.expectations.iter().filter(|(_, holds)| *holds != Some(true));
     let told = |expect: &wfl::Expect| {
         let d = Diagnostic::new(Code::E604, "an expectation of the scene does not hold");
-        let d = d.at(expect.span, sides(scene, &expect.condition, &outcome.known));
+        let d = d.at(expect.span, sides(scene, &expect.condition, outcome));
         match picked {
             Some(setting) => d
                 .note(format!(
@@ -181,12 +181,12 @@ fn not_finite(loaded: &Loaded, outcome: &Outcome) -> Vec<Said> {
 }
 
 /// The values on both sides of the comparisons of a condition.
-fn sides(scene: &Scene, condition: &Cond, known: &[(String, f64)]) -> String {
+fn sides(scene: &Scene, condition: &Cond, outcome: &Outcome) -> String {
     let told = |(span, value): &(Span, f64)| {
         let value = if value.is_finite() { value.to_string() } else { word(*value).to_owned() };
         format!("{} is {value}", wfl::quote(*span))
     };
-    scene.sides(condition, known).iter().map(told).collect::<Vec<_>>().join(", ")
+    scene.sides(condition, &outcome.known, &outcome.derivatives).iter().map(told).collect::<Vec<_>>().join(", ")
 }
 
 /// True if a Nitsche parameter is below its smallest safe value.

@@ -10,7 +10,10 @@ use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     Outcome, Quiet, RunOptions, Scene,
     gradient::{Differentiated, Gradients, Request, WantedResult, gradients},
-    output::{GradientReport, OrderedMap, OutputDir, OutputError, ParameterValue, Report, write_csv, write_report},
+    output::{
+        GradientReport, OrderedMap, OutputDir, OutputError, ParameterValue, Report, write_csv, write_report, write_vtu,
+    },
+    results::field_grid,
     run,
 };
 
@@ -41,11 +44,17 @@ fn field_file(result: &str, field: &str) -> String {
     format!("gradient_{plain}_by_{field}.csv")
 }
 
+/// The name of the picture of the derivatives in a data field.
+fn grid_file(field: &str) -> String {
+    format!("gradient_by_{field}.vtu")
+}
+
 /// The files that derivatives are written to.
 #[must_use]
 pub fn files(request: &Request) -> Vec<String> {
     let of_fields = request.results.iter().flat_map(|r| request.fields.iter().map(|f| field_file(&r.name, f)));
-    std::iter::once(GRADIENT_FILE.to_owned()).chain(of_fields).collect()
+    let grids = request.fields.iter().map(|f| grid_file(f));
+    std::iter::once(GRADIENT_FILE.to_owned()).chain(of_fields).chain(grids).collect()
 }
 
 /// Names of derivatives with their numbers: `Fn_by_E`, `Fn_by_g(2)` of a parameter of several numbers.
@@ -90,16 +99,42 @@ pub fn write(folder: &Path, scene: &Scene, of: &Gradients, report: &mut Report) 
             files.push(file);
         }
     }
+    files.extend(write_grids(&dir, scene, of)?);
     dir.sync()?;
     for file in files {
         if !report.files.contains(&file) {
             report.files.push(file);
         }
     }
-    report.gradients = of.results.iter().map(reported).collect();
-    report.warnings.extend(told(of));
+    self::report(of, report);
     write_report(&dir, report)?;
     dir.settle()
+}
+
+/// Puts derivatives, and what there is to tell of them, into the report of their run.
+pub fn report(of: &Gradients, report: &mut Report) {
+    report.gradients = of.results.iter().map(reported).collect();
+    report.warnings.extend(told(of));
+}
+
+/// Writes a grid for each data field with the derivatives of all results at its nodes; none for a field that has no such
+/// grid. Gives the names of the files.
+fn write_grids(dir: &OutputDir, scene: &Scene, of: &Gradients) -> Result<Vec<String>, OutputError> {
+    let mut files = Vec::new();
+    for (k, field) in scene.system.fields.iter().enumerate() {
+        let values = |result: &wfl_runtime::gradient::Gradient| {
+            Some(result.fields.iter().find(|f| f.0 == field.name)?.1.clone())
+        };
+        let found: Vec<(String, Vec<f64>)> =
+            of.results.iter().filter_map(|r| Some((format!("{}_by_{}", r.name, field.name), values(r)?))).collect();
+        let named: Vec<(String, &[f64])> = found.iter().map(|(name, v)| (name.clone(), v.as_slice())).collect();
+        if let Some(piece) = field_grid(scene, k, &named).filter(|_| !named.is_empty()) {
+            let file = grid_file(&field.name);
+            write_vtu(dir, &file, None, &[piece])?;
+            files.push(file);
+        }
+    }
+    Ok(files)
 }
 
 /// What there is to tell of derivatives, with its code.
@@ -297,7 +332,7 @@ fn solved(of: Verified<'_>, other: Option<(&str, f64, &Chosen)>) -> Result<(Load
         let errors = loaded.messages.iter().filter(|d| d.is_error());
         return Err(errors.map(|d| wfl::render(d, &loaded.sources, false)).collect::<Vec<_>>().join("\n"));
     };
-    if let Some((_, _, chosen)) = other.filter(|_| scene.steps.auto.is_some()) {
+    if let Some((_, _, chosen)) = other.filter(|_| scene.steps.auto.is_some() || scene.explicit.is_some()) {
         scene.follow_steps(&chosen.times, chosen.orders.clone()).map_err(|e| format!("{e}\n"))?;
     }
     scene.newton.tolerance = scene.newton.tolerance.min(TOLERANCE);

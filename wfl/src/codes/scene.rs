@@ -436,6 +436,21 @@ pages! {
         "measure excess = mean(pos_part(Norm(u) - 1)) on all",
     ),
     page(
+        E471,
+        "a derivative of what is no measure",
+        "`gradient` names measures, each at the last step, as `sum(m)` or `mean(m)` over the steps, or `m at t = 4` with the \
+         variable of `steps`.",
+        "param stiff = 2\nmeasure tip = max(u(1)) on all\nload u = [stiff,0,0] on all\ngradient u with stiff",
+        "param stiff = 2\nmeasure tip = max(u(1)) on all\nload u = [stiff,0,0] on all\ngradient tip with stiff",
+    ),
+    page(
+        E472,
+        "a derivative in what is no parameter",
+        "Behind `with` stand parameters, and data fields as `field k`: the derivative in each of their values at nodes.",
+        "data stiff : scalar = 2\nmeasure tip = max(u(1)) on all\nload u = [stiff,0,0] on all\ngradient tip with stiff",
+        "data stiff : scalar = 2\nmeasure tip = max(u(1)) on all\nload u = [stiff,0,0] on all\ngradient tip with field stiff",
+    ),
+    page(
         E490,
         "a rim without edges",
         "Terms, loads and integrals on the rim of a surface are taken along its edges. An edge lies in the region where the \

@@ -1,5 +1,7 @@
 //! Pairs of the grammar to statements of the syntax tree.
 
+mod gradient;
+
 use super::{
     Pair, Parsed, Rule, habits, slip, span_at,
     terminal::{box_shape, comparison, entity, rank, reduction, region_op},
@@ -83,6 +85,8 @@ const TOKENS: &[Rule] = {
         R::k_measure,
         R::k_expect,
         R::k_balance,
+        R::k_gradient,
+        R::k_field,
         R::k_event,
         R::k_when,
         R::k_output,
@@ -231,6 +235,7 @@ impl Reader<'_> {
             Rule::measure => self.measure(p)?,
             Rule::balance => ItemKind::Balance { name: self.name(&p.next())?, fields: self.places(p.next()) },
             Rule::event => self.event(p)?,
+            Rule::gradient => ItemKind::Gradient(self.gradient(p)?),
             Rule::expect => ItemKind::Expect(self.cond(p.next())?),
             _ => self.output(p)?,
         })

@@ -344,6 +344,14 @@ pub(super) const ROWS: &[StatementRow] = &[
         default: "",
     },
     StatementRow {
+        word: "gradient",
+        usage: "`gradient Fn, sum(misfit), slip at t = 4 with E, field k`",
+        meaning: "derivatives of measures at the last step, of their `sum` or `mean` over the steps, or at the step that ends at \
+                  a value, in parameters and in data fields by node: a table, `gradient.csv` and the report. `expect` knows \
+                  those of measures at the last step in parameters as `Fn_by_E`",
+        default: "none",
+    },
+    StatementRow {
         word: "expect",
         usage: "`expect condition`",
         meaning: "a condition on measures and params; exit code 3 if it is false",

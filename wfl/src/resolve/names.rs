@@ -8,7 +8,7 @@ use crate::{
     diag::{Diagnostic, nearest},
     fix::Fix,
     foreign::field_slip,
-    script::{Balance, Event, ResolvedScript},
+    script::{Balance, Derivative, Event, ResolvedScript},
     source::{SourceMap, Span},
     words::{REGIONS, is_function, reserved, split_prefixes},
 };
@@ -115,6 +115,12 @@ impl Names {
             if let ItemKind::Event { name, .. } = &item.kind {
                 for end in Event::NUMBERS {
                     let number = Ident { name: format!("{}{end}", name.name), span: name.span };
+                    names.value(Kind::Measure, &number, dimension, diagnostics);
+                }
+            }
+            if let ItemKind::Gradient(of) = &item.kind {
+                for of in Derivative::all(&of.results, &of.parameters) {
+                    let number = Ident { name: of.name, span: of.measure.span };
                     names.value(Kind::Measure, &number, dimension, diagnostics);
                 }
             }

@@ -33,7 +33,7 @@ impl<'d> Resolver<'d> {
                 self.request(kind, item.span)
             }
             K::Measure { .. } | K::Computed(..) | K::Balance { .. } | K::Event { .. } => self.request(kind, item.span),
-            K::Expect(_) | K::Output { .. } => self.request(kind, item.span),
+            K::Gradient(_) | K::Expect(_) | K::Output { .. } => self.request(kind, item.span),
         }
     }
 
@@ -196,6 +196,7 @@ impl<'d> Resolver<'d> {
                 self.script.balances.push(Balance { name: name.clone(), fields: fields.clone(), span });
             }
             ItemKind::Event { name, condition, places } => self.event(name, condition, places, span)?,
+            ItemKind::Gradient(of) => self.gradient(of, span)?,
             ItemKind::Expect(condition) => {
                 let text = self.sources.snippet(condition.span).to_owned();
                 let condition = self.cond(condition)?;

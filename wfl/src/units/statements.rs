@@ -12,7 +12,7 @@ use crate::{
 
 use super::{
     eval::{Pass, scale_note},
-    unit::Unit,
+    unit::{Ratio, Unit},
     value::Value,
 };
 
@@ -297,6 +297,14 @@ impl<'s> Pass<'s> {
             computed.watched.iter().for_each(|measure| self.of_measure(measure));
             let value = self.expr(&computed.expr);
             self.units.entry(&computed.name.name).or_insert(value);
+        }
+        for gradient in &self.scene.script.gradients {
+            for derivative in &gradient.derivatives {
+                let words = [&derivative.measure, &derivative.parameter];
+                let [of, by] = words.map(|word| self.units.get(word.name.as_str()).cloned());
+                let quotient = of.zip(by).map_or_else(Value::lost, |(of, by)| of.times(&by.raised(Ratio::whole(-1))));
+                self.units.entry(&derivative.name).or_insert(quotient);
+            }
         }
     }
 }

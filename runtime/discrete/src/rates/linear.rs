@@ -17,6 +17,12 @@ impl Rates {
         self.clone()
     }
 
+    /// Whether rates are those that are kept, whatever the unknowns are.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        self.open.is_none()
+    }
+
     /// Nothing is kept.
     #[must_use]
     pub fn nothing(&self) -> Kept {
@@ -76,6 +82,27 @@ impl Rates {
                 });
                 spread(&row, followed, factor, kept);
             }
+        }
+    }
+
+    /// Takes what a result follows of the unknowns at the end of the step, by dof, to those where its equations stand and to
+    /// those at its start: the transpose of [`Self::extrapolate`].
+    pub fn follow_extrapolation(&self, u: &mut [f64], before: &mut [f64]) {
+        let factor = 1.0 / (1.0 - self.scheme.offset());
+        for d in self.fields.iter().flat_map(|of| of.dofs.clone()).filter(|_| factor != 1.0) {
+            before[d] += (1.0 - factor) * u[d];
+            u[d] *= factor;
+        }
+    }
+
+    /// Takes what a result follows of prescribed values where the equations stand, by dof, to those at the end of the step and,
+    /// in `before`, to the values at its start; what fields without rates have stays.
+    pub fn follow_prescribed(&self, functional: &mut [f64], end: &mut [f64], before: &mut [f64]) {
+        let offset = self.scheme.offset();
+        for d in self.fields.iter().flat_map(|of| of.dofs.clone()) {
+            let of = std::mem::take(&mut functional[d]);
+            end[d] += (1.0 - offset) * of;
+            before[d] += offset * of;
         }
     }
 

@@ -1,0 +1,79 @@
+//! What results follow of the rates where time starts.
+
+use wfl::Diagnostic;
+
+use super::{Backwards, Cotangent, Of, Sums, add};
+use crate::{
+    gradient::{
+        beginning::{AtStart, Beginning, parted},
+        refused::not_made,
+        standing::AGREEMENT,
+    },
+    run::prescribed_differences,
+    scene::node_positions,
+};
+
+impl Backwards<'_, '_> {
+    /// Moves what a result follows of the rates where time starts to the first values, to the first rates that are given and
+    /// prescribed, and to the parameters of the equations that give the highest ones.
+    pub(super) fn of_beginning(
+        &mut self,
+        beginning: &Beginning,
+        start: &mut Cotangent,
+        sum: &mut Sums,
+    ) -> Result<(), Box<Diagnostic>> {
+        let trajectory = self.standing.trajectory;
+        let step = &trajectory.steps[0];
+        let n_dofs = start.u.len();
+        if let Some(explicit) = self.standing.solving.explicit.clone() {
+            self.of_explicit_start(&explicit, start, sum)?;
+            return self.of_given_rates(&beginning.from_kept(&start.kept, n_dofs), sum);
+        }
+        let mut rates = beginning.from_kept(&start.kept, n_dofs);
+        let highest = beginning.of_highest(&rates);
+        let numbering = &self.standing.solving.system.numbering;
+        let adjoint = beginning.highest(numbering, &highest, true)?;
+        let weights = self.by_test_field(&adjoint);
+        self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &weights)?;
+        let (mut now, mut past) = (self.nothing(), self.nothing());
+        self.spread(-1.0, false, &mut now, &mut past, &mut sum.live);
+        // nothing lies between both
+        for moved in [&now, &past] {
+            add(&mut start.u, &moved.u);
+            start.known.iter_mut().zip(&moved.known).for_each(|(to, from)| add(to, from));
+        }
+        let of_equations = beginning.from_kept(&past.kept, n_dofs);
+        add(&mut rates.first, &of_equations.first);
+        add(&mut rates.second, &of_equations.second);
+        let numbering = &self.standing.solving.system.numbering;
+        let [_, left] = parted(numbering, &beginning.of_highest(&rates));
+        let largest = |v: &[f64]| v.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        if largest(&left) > AGREEMENT * largest(&highest) {
+            let apart = largest(&left) / largest(&highest);
+            return Err(not_made(&format!("where time starts mass and derivatives of the laws differ by {apart:.1e}")));
+        }
+        // at free dofs the equations give them, whatever they were
+        beginning.each_highest(&mut rates, |d, rate| *rate -= left[d]);
+        self.of_given_rates(&rates, sum)
+    }
+
+    /// First rates that are given, and both of prescribed values.
+    fn of_given_rates(&self, rates: &AtStart, sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
+        let step = &self.standing.trajectory.steps[0];
+        let numbering = &self.standing.solving.system.numbering;
+        let [first_fixed, first] = parted(numbering, &rates.first);
+        let [second_fixed, _] = parted(numbering, &rates.second);
+        for (later, of_first, of_second, length) in prescribed_differences(step.increment) {
+            let of = first_fixed.iter().zip(&second_fixed);
+            let functional: Vec<f64> = of.map(|(r, s)| of_first * r + of_second * s).collect();
+            self.of_prescribed((step.time + later, length), &functional, sum)?;
+        }
+        let system = &self.standing.solving.system;
+        for (field, formula) in &self.formulas.rates {
+            let Some(range) = system.range(*field) else { continue };
+            let at = (step.time, 0.0);
+            formula.add(self.extended, (&node_positions(system, *field), at), &first[range], &mut sum.live)?;
+        }
+        Ok(())
+    }
+}
