@@ -10,6 +10,13 @@
 //! dY = C F2' (I - n n_y'/(n.n_y)) (d1 - d2 + g dn),    C = B (B' F2' F2 B)^-1 B'
 //! ```
 //!
+//! The image of `project` is the closest point `y`: with `B` the tangents of what it lies on, a face, an edge (one column) or a
+//! corner (none), and `y_ab` the second derivatives of the current face along them,
+//!
+//! ```text
+//! dY = C (F2' (d1 - d2) + (Grad d2)' (x - y)),    C = B A^-1 B',    A_ab = (B' F2' F2 B)_ab - (x - y).y_ab
+//! ```
+//!
 //! Whatever is read at the image moves by its own variation and by its gradient along `dY`; a test function there moves,
 //! too. `C` and the derivative of the reference normal along the face are leaves that the runtime fills in. Promises: exact
 //! for images inside a face; where an image crosses an edge the derivative is that of the face found. There is no second
@@ -20,7 +27,7 @@ use crate::{
     derive::NoDerivative,
     graph::{ExprId, Graph, Leaf, Role},
     ops::carried_normal,
-    types::{FieldId, FieldOp, Moves, Side},
+    types::{FieldOp, ImageBy, Moves, Side},
 };
 
 /// What a second variation of an image is called in messages.
@@ -89,26 +96,56 @@ impl Variation {
 
 /// `dY`: one node however often it is asked for.
 fn shift(g: &mut Graph, moves: Moves, role: Role) -> ExprId {
-    let leaf = |g: &mut Graph, field: FieldId, side, op, role| g.leaf(Leaf::Field { field, side, op, role });
-    let current = Role::Current;
-    let [u1, u2] = [(moves.here, Side::Here), (moves.there, Side::There)]
-        .map(|(field, side)| leaf(g, field, side, FieldOp::Value, current));
-    let [grad1, grad2] = [(moves.here, Side::Here), (moves.there, Side::There)]
-        .map(|(field, side)| leaf(g, field, side, FieldOp::Grad, current));
+    let [d1, d2] = values(g, moves, role);
+    #[cfg(test)]
+    let [d1, d2] = [("d1", d1), ("d2", d2)].map(|(name, part)| mutants::part(g, name, part));
+    let apart = g.sub(d1, d2);
+    let [_, grad2] = gradients(g, moves, Role::Current);
+    #[cfg(test)]
+    let grad2 = mutants::part(g, "F2 - I", grad2);
+    let id = g.identity(g.dim);
+    let f2 = g.add(id, grad2);
+    let back = match moves.by {
+        ImageBy::Ray => {
+            let in_plane = along_ray(g, moves, role, apart);
+            g.contract(f2, in_plane, &[(0, 0)])
+        }
+        ImageBy::Closest => {
+            let straight = g.contract(f2, apart, &[(0, 0)]);
+            let turned = turned(g, moves, role);
+            g.add(straight, turned)
+        }
+    };
+    let c = g.leaf(Leaf::ImageShift);
+    g.contract(c, back, &[(1, 0)])
+}
+
+/// The two displacements, or their variations.
+fn values(g: &mut Graph, moves: Moves, role: Role) -> [ExprId; 2] {
+    let sides = [(moves.here, Side::Here), (moves.there, Side::There)];
+    sides.map(|(field, side)| g.leaf(Leaf::Field { field, side, op: FieldOp::Value, role }))
+}
+
+/// The gradients of the two displacements, or of their variations.
+fn gradients(g: &mut Graph, moves: Moves, role: Role) -> [ExprId; 2] {
+    let sides = [(moves.here, Side::Here), (moves.there, Side::There)];
+    sides.map(|(field, side)| g.leaf(Leaf::Field { field, side, op: FieldOp::Grad, role }))
+}
+
+/// `(I - n n_y'/(n.n_y)) (d1 - d2 + g dn)`: along the ray onto the tangent plane of the image.
+fn along_ray(g: &mut Graph, moves: Moves, role: Role, apart: ExprId) -> ExprId {
+    let [grad1, grad2] = gradients(g, moves, Role::Current);
     let normal = g.leaf(Leaf::Normal(Side::Here));
     let n = carried_normal(g, grad1, normal);
     let normal = g.leaf(Leaf::Normal(Side::There));
     let n_y = carried_normal(g, grad2, normal);
-    let gap = gap(g, [u1, u2], n);
+    let way = way(g, moves);
+    let gap = g.inner(way, n);
     let dn = normal_variation(g, moves, grad1, n, role);
-    let d1 = leaf(g, moves.here, Side::Here, FieldOp::Value, role);
-    let d2 = leaf(g, moves.there, Side::There, FieldOp::Value, role);
     #[cfg(test)]
-    let [d1, d2, dn] = [("d1", d1), ("d2", d2), ("dn", dn)].map(|(name, part)| mutants::part(g, name, part));
-    let apart = g.sub(d1, d2);
+    let dn = mutants::part(g, "dn", dn);
     let turned = g.scale(gap, dn);
     let w = g.add(apart, turned);
-    // along the ray onto the tangent plane of the image
     let (steep, across) = (g.inner(n, n_y), g.inner(n_y, w));
     let part = g.divide(across, steep);
     // a point without an image has a stand-in, which may lie across its ray; nothing shifts there
@@ -117,22 +154,28 @@ fn shift(g: &mut Graph, moves: Moves, role: Role) -> ExprId {
     let part = g.select(is_met, part, nothing);
     let part = g.scale(part, n);
     #[cfg(test)]
-    let [part, grad2] = [("n n_y'/(n.n_y)", part), ("F2 - I", grad2)].map(|(name, part)| mutants::part(g, name, part));
-    let in_plane = g.sub(w, part);
-    let id = g.identity(g.dim);
-    let f2 = g.add(id, grad2);
-    let back = g.contract(f2, in_plane, &[(0, 0)]);
-    let c = g.leaf(Leaf::ImageShift);
-    g.contract(c, back, &[(1, 0)])
+    let part = mutants::part(g, "n n_y'/(n.n_y)", part);
+    g.sub(w, part)
 }
 
-/// `g = (y - x).n`
-fn gap(g: &mut Graph, [u1, u2]: [ExprId; 2], n: ExprId) -> ExprId {
+/// `(Grad d2)' (x - y)`: a face that turns takes the foot of the perpendicular with it.
+fn turned(g: &mut Graph, moves: Moves, role: Role) -> ExprId {
+    let [_, d] = gradients(g, moves, role);
+    let way = way(g, moves);
+    let back = g.neg(way);
+    let turned = g.contract(d, back, &[(0, 0)]);
+    #[cfg(test)]
+    let turned = mutants::part(g, "(Grad d2)' (x - y)", turned);
+    turned
+}
+
+/// `y - x`
+fn way(g: &mut Graph, moves: Moves) -> ExprId {
+    let [u1, u2] = values(g, moves, Role::Current);
     let (image, x) = (g.leaf(Leaf::ImageX), g.leaf(Leaf::X));
     let y = g.add(image, u2);
     let from = g.sub(y, x);
-    let way = g.sub(from, u1);
-    g.inner(way, n)
+    g.sub(from, u1)
 }
 
 /// `-F1^-T (Grad d1)' n`: `dn` but for a part along `n`, which the projection along the ray takes out.
@@ -157,12 +200,14 @@ pub(crate) mod mutants {
         static LEFT_OUT: Cell<Option<&'static str>> = const { Cell::new(None) };
     }
 
-    /// All parts: of the shift, then of what takes part in it.
-    pub(crate) const PARTS: [&str; 12] = [
+    /// Parts of the shift along a ray alone.
+    pub(crate) const OF_RAYS: [&str; 2] = ["dn", "n n_y'/(n.n_y)"];
+    /// Those of the shift of a closest point alone.
+    pub(crate) const OF_CLOSEST: [&str; 1] = ["(Grad d2)' (x - y)"];
+    /// Parts of both, then what takes part in a shift.
+    pub(crate) const PARTS: [&str; 10] = [
         "d1",
         "d2",
-        "dn",
-        "n n_y'/(n.n_y)",
         "F2 - I",
         "value",
         "gradient",

@@ -277,9 +277,20 @@ pub struct PlaceSig {
     pub inside: bool,
 }
 
+/// What the image of a point is, where images move.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageBy {
+    /// Where the ray along the current normal of the point meets the faces: `raytrace`.
+    Ray,
+    /// The closest point of the faces, also on their edges and corners: `project`.
+    Closest,
+}
+
 /// The displacements that the images of a mapping follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moves {
+    /// How images are found.
+    pub by: ImageBy,
     /// Of the body whose points are mapped.
     pub here: FieldId,
     /// Of the body that the images belong to.

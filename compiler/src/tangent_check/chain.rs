@@ -11,7 +11,7 @@ use crate::{
     dd::Dd,
     graph::{Graph, Leaf, Role},
     law::TermLaw,
-    types::{BasisSlot, FieldId, FieldOp, InputSlot, Moves, RateOrder, Side},
+    types::{BasisSlot, FieldId, FieldOp, ImageBy, InputSlot, Moves, RateOrder, Side},
 };
 
 /// How images shift in a law.
@@ -110,34 +110,45 @@ impl<'l> Chain<'l> {
         let entry = usize::from(unknown.entry);
         let is =
             |field: FieldId, side: Side, op: FieldOp| (unknown.field, unknown.side, unknown.op) == (field, side, op);
-        let Moves { here, there } = self.moves;
-        let [by_here, by_gradient, by_there] = [
-            is(here, Side::Here, FieldOp::Value),
-            is(here, Side::Here, FieldOp::Grad),
-            is(there, Side::There, FieldOp::Value),
-        ];
-        if !(by_here || by_gradient || by_there) {
+        let Moves { here, there, by } = self.moves;
+        let by_value = [is(here, Side::Here, FieldOp::Value), is(there, Side::There, FieldOp::Value)];
+        let by_gradient = match by {
+            ImageBy::Ray => is(here, Side::Here, FieldOp::Grad),
+            ImageBy::Closest => is(there, Side::There, FieldOp::Grad),
+        };
+        if !(by_value.contains(&true) || by_gradient) {
             return ZERO;
         }
-        let f1 = self.deformation(inputs, here, Side::Here);
         let f2 = self.deformation(inputs, there, Side::There);
-        let n = unit(&carried(&f1, &self.vector(inputs, |k| InputSlot::Normal(Side::Here, k))));
-        let n_y = unit(&carried(&f2, &self.vector(inputs, |k| InputSlot::Normal(Side::There, k))));
         let (x, image) = (self.vector(inputs, InputSlot::X), self.vector(inputs, InputSlot::ImageX));
         let (u1, u2) = (self.displacement(inputs, here, Side::Here), self.displacement(inputs, there, Side::There));
-        let gap = (0..3).fold(Dd::ZERO, |sum, k| sum + (image[k] + u2[k] - x[k] - u1[k]) * n[k]);
+        let way: Row = std::array::from_fn(|k| image[k] + u2[k] - x[k] - u1[k]);
+        let carried_back =
+            |v: &Row| -> Row { std::array::from_fn(|k| (0..3).fold(Dd::ZERO, |sum, i| sum + f2[i][k] * v[i])) };
         let mut w = ZERO;
-        if by_gradient {
-            let (i, j) = (entry % self.dim, entry / self.dim);
-            let mut along = ZERO;
-            along[j] = n[i];
-            let carried = carried(&f1, &along);
-            w = scaled(gap, &minus(&scaled(dot(&n, &carried), &n), &carried));
-        } else {
-            w[entry] = Dd::from_f64(if by_here { 1.0 } else { -1.0 });
+        if !by_gradient {
+            w[entry] = Dd::from_f64(if by_value[0] { 1.0 } else { -1.0 });
         }
-        let in_plane = minus(&w, &scaled(dot(&n_y, &w) / dot(&n, &n_y), &n));
-        let back: Row = std::array::from_fn(|k| (0..3).fold(Dd::ZERO, |sum, i| sum + f2[i][k] * in_plane[i]));
+        let (i, j) = (entry % self.dim, entry / self.dim);
+        let back = match by {
+            ImageBy::Closest if by_gradient => {
+                w[j] = -way[i];
+                w
+            }
+            ImageBy::Closest => carried_back(&w),
+            ImageBy::Ray => {
+                let f1 = self.deformation(inputs, here, Side::Here);
+                let n = unit(&carried(&f1, &self.vector(inputs, |k| InputSlot::Normal(Side::Here, k))));
+                let n_y = unit(&carried(&f2, &self.vector(inputs, |k| InputSlot::Normal(Side::There, k))));
+                if by_gradient {
+                    let mut along = ZERO;
+                    along[j] = n[i];
+                    let carried = carried(&f1, &along);
+                    w = scaled(dot(&way, &n), &minus(&scaled(dot(&n, &carried), &n), &carried));
+                }
+                carried_back(&minus(&w, &scaled(dot(&n_y, &w) / dot(&n, &n_y), &n)))
+            }
+        };
         std::array::from_fn(|i| {
             (0..self.dim).fold(Dd::ZERO, |sum, j| {
                 let (low, high) = (i.min(j), i.max(j));

@@ -3,25 +3,28 @@
 use super::*;
 use crate::{
     build::Env,
-    image::mutants::{PARTS, without},
+    image::mutants::{OF_CLOSEST, OF_RAYS, PARTS, without},
     interp::InterpreterBackend,
     term::{TermSource, compile_term},
-    types::{FieldKind, FieldSig, MappingSig, Moves, PlaceKind, PlaceSig, Shape},
+    types::{FieldKind, FieldSig, ImageBy, MappingSig, Moves, PlaceKind, PlaceSig, Shape},
 };
 use wfl::{SourceMap, ast::Expansions, parse_expr};
 
 const CURRENT: &str = "Transformed_unit_vector(Grad_u, Normal)";
 const GAP: &str = "((Interpolate(X, m) + Interpolate(u, m) - X - u).Transformed_unit_vector(Grad_u, Normal))";
-/// What a law of penalty with friction reads, and a law that reads gradients and normals of the other body.
-const LAWS: [&str; 3] = [
+const THEIRS: &str = "Transformed_unit_vector(Interpolate(Grad_u, m), Interpolate(Normal, m))";
+const DEPTH: &str = "((Interpolate(X, m) + Interpolate(u, m) - X - u).THEIRS)";
+/// What a law of penalty with friction reads, laws that read gradients and normals of the other body.
+const LAWS: [&str; 4] = [
     "(9*pos_part(-GAP)*CURRENT + Interpolate(g, m)*(u - Previous_u - Interpolate(u, m) + Interpolate(Previous_u, m)))\
      .(Test_u - Interpolate(Test_u, m))",
     "(Interpolate(Grad_u, m)*Interpolate(Normal, m)).Test_u + GAP*(Interpolate(Grad_u, m):Interpolate(Grad_Test_u, m))",
     "(pos_part(9*GAP - (Grad_u*Normal).CURRENT)*CURRENT).(Test_u - Interpolate(Test_u, m))",
+    "(-9*pos_part(DEPTH)*THEIRS).(Test_u - Interpolate(Test_u, m))",
 ];
 
 /// A law on faces of a body in space of dimension `dim`, with an unknown `u` and data `g` on both sides of a mapping.
-fn law(text: &str, dim: usize) -> TermLaw {
+fn law(text: &str, dim: usize, by: ImageBy) -> TermLaw {
     let sig = |name: &str, shape, kind| FieldSig {
         name: name.to_owned(),
         shape,
@@ -46,7 +49,7 @@ fn law(text: &str, dim: usize) -> TermLaw {
         name: "m".to_owned(),
         there: vec![true; 2],
         has_normal: true,
-        moves: Some(Moves { here: u, there: u }),
+        moves: Some(Moves { by, here: u, there: u }),
         description: "a mapping".to_owned(),
     };
     let env = Env {
@@ -60,7 +63,7 @@ fn law(text: &str, dim: usize) -> TermLaw {
         tables: &[],
         equal_within: 0.0,
     };
-    let text = text.replace("GAP", GAP).replace("CURRENT", CURRENT);
+    let text = text.replace("GAP", GAP).replace("CURRENT", CURRENT).replace("DEPTH", DEPTH).replace("THEIRS", THEIRS);
     let mut sources = SourceMap::new();
     let id = sources.add("law", text);
     let expr = parse_expr(&sources, id).value.unwrap();
@@ -75,25 +78,27 @@ fn error(law: &TermLaw) -> f64 {
 
 #[test]
 fn tangents_through_images_that_move_are_exact() {
-    for dim in [2, 3] {
+    for (dim, by) in [(2, ImageBy::Ray), (3, ImageBy::Ray), (2, ImageBy::Closest), (3, ImageBy::Closest)] {
         for text in LAWS {
-            let found = error(&law(text, dim));
-            assert!(found < 1e-11, "{found} in {dim}-D: {text}");
+            let found = error(&law(text, dim, by));
+            assert!(found < 1e-11, "{found} in {dim}-D, {by:?}: {text}");
         }
     }
 }
 
 #[test]
 fn no_part_of_the_shift_and_of_what_it_moves_can_be_left_out() {
-    for part in PARTS {
-        // with all parts the errors are below 1e-11, as the other test says
-        let worst = LAWS.iter().map(|text| error(&without(Some(part), || law(text, 3)))).fold(0.0, f64::max);
-        assert!(worst > 1e-2, "without {part} the error is {worst}");
+    for (by, own) in [(ImageBy::Ray, &OF_RAYS[..]), (ImageBy::Closest, &OF_CLOSEST[..])] {
+        for part in own.iter().chain(&PARTS) {
+            // with all parts the errors are below 1e-11, as the other test says
+            let worst = LAWS.iter().map(|text| error(&without(Some(part), || law(text, 3, by)))).fold(0.0, f64::max);
+            assert!(worst > 1e-2, "{by:?} without {part}: the error is {worst}");
+        }
     }
 }
 
 #[test]
 fn a_term_through_images_that_move_is_not_linear() {
-    let found = law("Interpolate(g, m)*(CURRENT.Interpolate(Test_u, m))", 2);
+    let found = law("Interpolate(g, m)*(CURRENT.Interpolate(Test_u, m))", 2, ImageBy::Ray);
     assert_eq!((found.class, found.symmetric), (crate::law::Class::Nonlinear, false));
 }

@@ -100,6 +100,46 @@ fn a_killed_run_with_inertia_and_contact_goes_on_to_the_same_bytes() {
     goes_on_to_the_same_bytes(&folder, &scene, 5);
 }
 
+/// Images follow from the displacements; what points slid elastically, rates and the balance of energy pass from step to step, and
+/// so does what the choice of steps remembers.
+#[test]
+fn a_killed_run_of_bodies_that_slide_goes_on_to_the_same_bytes() {
+    let text = r#"wfl 1
+use "sliding"
+mesh box [0,0] to [4,2] cells [8,4] quad with idle_cells=allowed
+region lower = cells where y < 1
+region upper = cells where y > 1 and x < 2
+region sole  = faces of upper where y == 1
+region floor = faces of lower where y == 1
+region base  = faces of lower where y == 0
+unknown a : vector Q1 on upper
+unknown b : vector Q1 on lower
+def P(g) = (Id(2) + g)*(0.5*((Id(2) + g)'*(Id(2) + g) - Id(2)))*200
+term inertia_a on upper : Dot2_a.Test_a
+term inertia_b on lower : Dot2_b.Test_b
+term upper on upper : P(Grad_a):Grad_Test_a
+term lower on lower : P(Grad_b):Grad_Test_b
+fix b = [0, 0] on base
+load a = [0, -0.5] on upper
+mapping m = KIND from sole onto floor moving with a, b within 0.5
+state elastic : vector on sole := MACRO_elastic(a, b, m, elastic, 100, 0.1)
+term contact on sole : MACRO_friction(a, b, m, elastic, 100, 0.1)
+start Dot_a = [1, -0.2]
+scheme newmark energy=0.05
+steps t = STEPS
+measure slid = mean(a(1)) on sole
+output vtk "u" : a, Dot_a as velocity
+"#;
+    for (kind, steps) in [("raytrace", "0 to 1 by 0.02"), ("project", "0 to 1 by auto with error=3e-5")] {
+        let folder = Folder::new(&format!("killed-{kind}"));
+        let scene = folder.0.join("slides.wfl");
+        let name = if kind == "project" { "closest" } else { "sliding" };
+        let text = text.replace("KIND", kind).replace("MACRO", name).replace("STEPS", steps);
+        std::fs::write(&scene, text).expect("writable");
+        goes_on_to_the_same_bytes(&folder, &scene, 20);
+    }
+}
+
 /// Velocities, states and the balance of energy pass from one explicit step to the next.
 #[test]
 fn a_killed_run_of_explicit_steps_goes_on_to_the_same_bytes() {

@@ -5,6 +5,7 @@
 //! entities of a group are processed [`LANES`] at a time. Weights are those of the reference entity.
 
 mod boxes;
+mod closest;
 mod edges;
 mod moving;
 mod points;
@@ -18,6 +19,7 @@ use std::{
 
 pub use edges::Edge;
 pub use moving::{Follows, ImageMotion, MovingPoints};
+pub use rays::ImageSearch;
 pub use shifts::ShiftCheck;
 use wfl_compiler::{ir::LANES, types::EntityGeometry};
 

@@ -5,6 +5,7 @@
 //! them is not told.
 
 use wfl::{Code, Diagnostic};
+use wfl_compiler::types::ImageBy;
 
 use super::{ended::Ended, growth::Growth};
 use crate::{
@@ -66,21 +67,36 @@ impl WatchedImages {
     /// What there is to say at the end; that there never was an image where `all` steps were looked at.
     fn told(&self, scene: &Solving<'_>, all: bool) -> Vec<Diagnostic> {
         let name = |term: usize| &scene.system.terms[term].law.name;
+        let has_rays = |term: usize| {
+            let points = scene.system.terms[term].integrator.domain.moving.as_ref();
+            points.is_none_or(|points| points.by() == ImageBy::Ray)
+        };
         let lost = self.lost.iter().map(|(time, term, [lost, all])| {
             let name = name(*term);
             let text = format!("at t = {time} {lost} of {all} points of `{name}` lost their image while they pressed");
-            Diagnostic::new(Code::W632, text)
-                .at_or_note(
-                    scene.place_of_term(name),
-                    "their rays no longer meet the other body, at its edge or beyond `within`",
-                )
+            let why = match has_rays(*term) {
+                true => "their rays no longer meet the other body, at its edge or beyond `within`",
+                false => "no face that opposes them is within the distance of `within`",
+            };
+            let d = Diagnostic::new(Code::W632, text)
+                .at_or_note(scene.place_of_term(name), why)
                 .note("their force is gone from one step to the next")
-                .help("smaller steps, a larger `within`, or faces of the other body that reach further")
+                .help("smaller steps, a larger `within`, or faces of the other body that reach further");
+            if has_rays(*term) {
+                d.help("`project` in place of `raytrace` keeps images at edges: the closest point")
+            } else {
+                d
+            }
         });
         let never = self.last.iter().filter(|images| all && !self.found.contains(&images.term)).map(|images| {
             let name = name(images.term);
-            let text = "its rays, along the normal of the current faces, never met the other body from the front and within \
-                        the distance of `within`";
+            let text = match has_rays(images.term) {
+                true => {
+                    "its rays, along the normal of the current faces, never met the other body from the front and within the \
+                     distance of `within`"
+                }
+                false => "no face whose normal opposes theirs was ever within the distance of `within`",
+            };
             Diagnostic::new(Code::W632, format!("no point of `{name}` had an image in any step"))
                 .at_or_note(scene.place_of_term(name), text)
         });

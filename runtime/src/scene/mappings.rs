@@ -14,12 +14,12 @@ use wfl::{
 use wfl_compiler::{
     backend::KernelBackend,
     compile_value,
-    types::{BasisSlot, FieldId, InputSlot, MappingSig, Moves, Side},
+    types::{BasisSlot, FieldId, ImageBy, InputSlot, MappingSig, Moves, Side},
     without_fields,
 };
 
 use crate::{
-    assemble::{Domain, Follows, MovingPoints},
+    assemble::{Domain, Follows, ImageSearch, MovingPoints},
     field::{Field, FieldSpace},
     finite::{BadGiven, NotFinite},
     mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet, SupportSet},
@@ -74,10 +74,11 @@ impl MappingMaker<'_> {
                 MappingKind::Point(e) => self.position(e),
                 MappingKind::Search { raytrace, from, onto, moving, within } => {
                     let ends = [from, onto];
+                    let by = if *raytrace { ImageBy::Ray } else { ImageBy::Closest };
                     match moving.as_slice() {
                         [] => self.search(*raytrace, ends, within.as_ref()),
-                        [one] => self.moving(*raytrace, ends, [one, one], within.as_ref()),
-                        [here, there, ..] => self.moving(*raytrace, ends, [here, there], within.as_ref()),
+                        [one] => self.moving(by, ends, [one, one], within.as_ref()),
+                        [here, there, ..] => self.moving(by, ends, [here, there], within.as_ref()),
                     }
                 }
             };
@@ -159,7 +160,7 @@ impl MappingMaker<'_> {
     /// A mapping whose images follow the bodies.
     fn moving(
         &mut self,
-        raytrace: bool,
+        by: ImageBy,
         [from, onto]: [&Ident; 2],
         [here, there]: [&Ident; 2],
         within: Option<&Expr>,
@@ -171,15 +172,10 @@ impl MappingMaker<'_> {
             self.diagnostics.push(d.at(e.span, "longer than gaps and overlaps of contact"));
             return None;
         }
-        if !raytrace {
-            return self.not_available(from, "`project` that moves", "write `raytrace`, along the normal of `from`");
-        }
         if self.parts.mesh.dim() < 2 {
-            return self.not_available(
-                from,
-                "a mapping that moves on a line",
-                "the end of a bar meets a formula of x + u",
-            );
+            let d = Diagnostic::new(Code::E802, "a mapping that moves on a line is not available yet");
+            self.diagnostics.push(d.help("the end of a bar meets a formula of x + u").at(from.span, ""));
+            return None;
         }
         let sources: BTreeSet<FacetRef> = facets.iter().copied().collect();
         if within.is_none() && targets.iter().any(|facet| sources.contains(facet)) {
@@ -190,7 +186,7 @@ impl MappingMaker<'_> {
         }
         let here = self.displacement(here, &facets, from)?;
         let there = self.displacement(there, &targets, onto)?;
-        Some(Search::Moving { from: sources, onto: targets, moves: Moves { here, there }, reach })
+        Some(Search::Moving { from: sources, onto: targets, moves: Moves { by, here, there }, reach })
     }
 
     /// The field of a displacement that lives in the cells behind some faces.
@@ -217,12 +213,6 @@ impl MappingMaker<'_> {
             return None;
         }
         Some(FieldId::new(at))
-    }
-
-    fn not_available(&mut self, at: &Ident, what: &str, cure: &str) -> Option<Search> {
-        let d = Diagnostic::new(Code::E802, format!("{what} is not available yet"));
-        self.diagnostics.push(d.help(cure).at(at.span, ""));
-        None
     }
 
     fn facets(&mut self, name: &Ident) -> Option<Vec<FacetRef>> {
@@ -400,7 +390,8 @@ fn moving_points(
         FieldSpace::Nodal(space) => Some(Follows { field: field.index(), space: space.clone() }),
         FieldSpace::Global | FieldSpace::Points(_) => None,
     };
-    let points = MovingPoints::new(mesh, base, onto, [follows(moves.here)?, follows(moves.there)?], reach)?;
+    let bodies = [follows(moves.here)?, follows(moves.there)?];
+    let points = MovingPoints::new(mesh, base, onto, bodies, ImageSearch { by: moves.by, reach })?;
     Some(Arc::new(points).at(mesh, &[]))
 }
 

@@ -15,7 +15,7 @@ use wfl::{
 };
 use wfl_compiler::{
     Constant, Env, LoadPart, TermSource, check_condition, check_term, check_value, constant,
-    types::{FieldId, FieldKind, FieldSig, MappingSig, Moves, PlaceKind, PlaceSig, RateForm, Shape},
+    types::{FieldId, FieldKind, FieldSig, ImageBy, MappingSig, Moves, PlaceKind, PlaceSig, RateForm, Shape},
 };
 
 use super::{
@@ -287,9 +287,10 @@ fn mappings(script: &ResolvedScript, n_fields: usize) -> Vec<MappingSig> {
 
 /// The displacements that a mapping names.
 fn moves(mapping: &wfl::Mapping, script: &ResolvedScript) -> Option<Moves> {
-    let MappingKind::Search { moving, .. } = &mapping.kind else { return None };
+    let MappingKind::Search { raytrace, moving, .. } = &mapping.kind else { return None };
     let field = |name: &Ident| script.fields.iter().position(|f| f.name.name == name.name).map(FieldId::new);
-    Some(Moves { here: field(moving.first()?)?, there: field(moving.last()?)? })
+    let by = if *raytrace { ImageBy::Ray } else { ImageBy::Closest };
+    Some(Moves { by, here: field(moving.first()?)?, there: field(moving.last()?)? })
 }
 
 /// The kind of a region as its declaration shows it; the most permissive one if only a mesh file knows.

@@ -2,6 +2,8 @@
 //! of images, and what is refused.
 
 mod campaign;
+mod closest;
+mod dynamics;
 mod judged;
 mod pattern;
 
@@ -239,7 +241,6 @@ fn what_is_not_available_is_refused() {
     let m = "mapping m = raytrace from sole onto floor moving with a, b within 0.3";
     let term = "term contact on sole : force.(Test_a - Interpolate(Test_b, m))";
     let cases = [
-        (m, "mapping m = project from sole onto floor moving with a, b within 0.3", "E802"),
         (m, "mapping m = raytrace from floor onto floor moving with b", "E419"),
         (m, "mapping m = raytrace from sole onto floor moving with a, b within 0", "E419"),
         (m, "mapping m = raytrace from sole onto floor moving with b within 0.3", "E202"),

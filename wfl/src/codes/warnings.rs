@@ -549,12 +549,12 @@ pages! {
     page(
         W632,
         "points under pressure that lost their image",
-        "The images of a mapping that moves are found in each state, along the current normal of the points and within the \
-         distance of `within`. Points that pressed at the end of a step have no image at the end of the next: the body was \
-         pushed over the edge of the other one, or is further inside it than `within`. Their force is gone from one step to \
-         the next, and no method converges on such a jump; the message has the first step and the number of points. Also told \
-         where no point had an image in any step: the normal of the other faces does not oppose that of the points, or the \
-         bodies never come near each other.",
+        "The images of a mapping that moves are found in each state within the distance of `within`: along the current normal of \
+         the points (`raytrace`), or as closest points (`project`). Points that pressed at the end of a step have no image at the \
+         end of the next: the body was pushed over the edge of the other one, or is further inside it than `within`. Their force \
+         is gone from one step to the next, and no method converges on such a jump; the message has the first step and the number \
+         of points. `project` keeps images on edges. Also told where no point had an image in any step: the normal of the other \
+         faces does not oppose that of the points, or the bodies never come near each other.",
         "mapping m = raytrace from arc onto top moving with u within 0.01",
         "mapping m = raytrace from arc onto top moving with u within 0.3",
     ),
@@ -654,8 +654,8 @@ pages! {
     page(
         W670,
         "points inside the other body without a force",
-        "The image of a point on a mapping that moves is looked for along its normal to both sides, not further than `within`. \
-         These points have none, and the face of the other body that is nearest behind them is one that they have gone \
+        "The image of a point on a mapping that moves is looked for along its normal to both sides, or as the closest point, not \
+         further than `within`. These points have none, and the face of the other body that is nearest behind them is one that they have gone \
          through: they are inside it, further from its surface than `within`, and nothing pushes them out. The bodies were \
          moved into each other by more than `within` in one step, or they overlap from the start. The message has the first \
          step and the number of points. Newton's method shortens its steps so that points do not get there on the way where \

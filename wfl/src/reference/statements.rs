@@ -138,6 +138,13 @@ pub(super) const ROWS: &[StatementRow] = &[
     },
     StatementRow {
         word: "mapping",
+        usage: "`mapping m = project from r onto s moving with u[, u2] [within d]`",
+        meaning: "the closest point of the current faces `s`, on a face, an edge or a corner, of those whose normal opposes that \
+                  of the point (`docs/sliding.md`)",
+        default: "one displacement for both sides",
+    },
+    StatementRow {
+        word: "mapping",
         usage: "`mapping m = point expr`",
         meaning: "maps to the point with these coordinates",
         default: "",

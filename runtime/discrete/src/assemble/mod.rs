@@ -19,7 +19,9 @@ mod simd;
 mod strips;
 mod term;
 
-pub use crate::domain::{Domain, Follows, Group, GroupSide, MovingPoints, Over, Places, entity_geometries};
+pub use crate::domain::{
+    Domain, Follows, Group, GroupSide, ImageSearch, MovingPoints, Over, Places, entity_geometries,
+};
 pub use binding::{Basis, Binding, GroupBinding, Input, Integrator, LawSlots, Needs, SlotPlace};
 pub use branches::BranchCounts;
 pub use entries::tangent_kernel;

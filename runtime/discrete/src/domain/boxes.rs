@@ -90,6 +90,30 @@ impl BoxTree {
         Boxes { faces, nodes }
     }
 
+    /// Calls `visit` with faces, nearer boxes first where they are under one node, until all others are further away than
+    /// the distance that it gave last.
+    pub(super) fn nearest(&self, boxes: &Boxes, distance: impl Fn(&Bounds) -> f64, visit: &mut impl FnMut(u32) -> f64) {
+        let mut bound = f64::INFINITY;
+        let mut open: Vec<(f64, usize)> = boxes.nodes.first().map(|root| (distance(root), 0)).into_iter().collect();
+        while let Some((least, k)) = open.pop() {
+            let node = &self.nodes[k];
+            if least > bound {
+                continue;
+            }
+            if node.n > 0 {
+                for face in &self.faces[node.first..node.first + node.n] {
+                    if distance(&boxes.faces[*face as usize]) <= bound {
+                        bound = visit(*face);
+                    }
+                }
+                continue;
+            }
+            let [a, b] = [k + 1, self.nodes[k + 1].next].map(|child| (distance(&boxes.nodes[child]), child));
+            let (near, far) = if b.0 < a.0 { (b, a) } else { (a, b) };
+            open.extend([far, near]);
+        }
+    }
+
     /// The faces whose boxes are met, in their order.
     pub(super) fn met(&self, boxes: &Boxes, meets: impl Fn(&Bounds) -> bool, found: &mut Vec<u32>) {
         found.clear();
@@ -110,6 +134,26 @@ impl BoxTree {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_nearest_box_is_found() {
+        for n in [0, 1, 4, 5, 9, 300] {
+            let tree = BoxTree::new(&scattered(n));
+            let moved: Vec<Bounds> = scattered(n + 13).split_off(13);
+            let boxes = tree.fit(moved.clone());
+            for probe in scattered(50) {
+                let distance = |b: &Bounds| (b[0] - probe[0]).sup(&(probe[0] - b[1])).sup(&Vector3::zeros()).norm();
+                let (mut least, mut visited) = (f64::INFINITY, 0);
+                tree.nearest(&boxes, distance, &mut |face| {
+                    visited += 1;
+                    least = least.min(distance(&moved[face as usize]));
+                    least
+                });
+                assert_eq!(least, moved.iter().map(distance).fold(f64::INFINITY, f64::min));
+                assert!(visited <= n && (n < 300 || visited < n / 4), "{visited} of {n}");
+            }
+        }
+    }
 
     /// Boxes of sizes and places that follow no pattern.
     fn scattered(n: u32) -> Vec<Bounds> {

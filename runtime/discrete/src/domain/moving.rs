@@ -2,8 +2,8 @@
 //!
 //! The points stay where they are and keep their order, that of the place without the mapping: each is a group of its own.
 //! What moves is found from the displacements alone, for each state anew: the ray from the current position of a point along
-//! its current normal, its hit on the current faces, and how the hit shifts. A point whose ray meets nothing has the weight
-//! zero; its law reads an image far ahead along the normal, so that it is open.
+//! its current normal and its hit on the current faces, or their closest point, and how it shifts. A point without an image
+//! has the weight zero; its law reads an image far ahead along the normal, so that it is open.
 //!
 //! Promises: the same images for the same displacements, whatever was asked before. Does not know laws.
 
@@ -18,13 +18,17 @@ use rayon::prelude::*;
 use super::{
     Domain, Group, GroupSide,
     boxes::Boxes,
-    rays::{Hit, Ray, Targets},
+    rays::{Hit, ImageSearch, Ray, Targets},
 };
 use crate::space::Space;
+use wfl_compiler::types::ImageBy;
 use wfl_mesh::{
     element::Table,
     mesh::{CellId, CellKind, FacetRef, Image, Mesh},
 };
+
+/// Two unit vectors with a larger product are along one way.
+const ONE_WAY: f64 = 0.99;
 
 /// A displacement that images follow: its field, and where that has its nodes.
 #[derive(Clone, Debug)]
@@ -44,7 +48,7 @@ pub struct ImageMotion {
     pub slope: [f64; 9],
     /// The current unit normal of the point, along which its image was looked for.
     pub normal: [f64; 3],
-    /// How far along it the image is, negative where the bodies overlap.
+    /// How far along it the image is, negative where the bodies overlap; of a closest point how far outside of the face.
     pub gap: f64,
     /// What stands in for the position of the image where there is none.
     pub stand_in: Option<[f64; 3]>,
@@ -98,10 +102,16 @@ fn of<'a>(current: &[&'a [f64]], follows: &Follows) -> &'a [f64] {
 }
 
 impl MovingPoints {
-    /// The points of `base`, which is on faces; `onto` are the faces that rays of length `reach` may meet. `None` where a
-    /// displacement does not live behind one of the faces, or where there are none.
+    /// The points of `base`, which is on faces; `onto` are the faces that images may lie on. `None` where a displacement does
+    /// not live behind one of the faces, or where there are none.
     #[must_use]
-    pub fn new(mesh: &Mesh, base: &Domain, onto: &[FacetRef], bodies: [Follows; 2], reach: f64) -> Option<Self> {
+    pub fn new(
+        mesh: &Mesh,
+        base: &Domain,
+        onto: &[FacetRef],
+        bodies: [Follows; 2],
+        search: ImageSearch,
+    ) -> Option<Self> {
         let [here, there] = bodies;
         let first = onto.first()?;
         let kind = mesh.kind(first.cell);
@@ -116,11 +126,11 @@ impl MovingPoints {
                 }
             }
         }
-        let targets = Targets::new(mesh, onto, there.space.clone(), reach)?;
+        let targets = Targets::new(mesh, onto, there.space.clone(), search)?;
         limit_by_thickness(mesh, &targets, &mut points);
         let (low, high) = mesh.bounds();
         let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
-        let ahead = if reach.is_finite() { reach } else { extent };
+        let ahead = if search.reach.is_finite() { search.reach } else { extent };
         let corners = targets.facets().map(|facet| {
             let element = mesh.geometry_element(mesh.kind(facet.cell));
             (mesh.kind(facet.cell), element)
@@ -140,6 +150,12 @@ impl MovingPoints {
     #[must_use]
     pub fn follows(&self) -> [&Follows; 2] {
         [&self.here, &self.there]
+    }
+
+    /// How images are found.
+    #[must_use]
+    pub fn by(&self) -> ImageBy {
+        self.targets.by()
     }
 
     /// How many points there are.
@@ -212,13 +228,13 @@ impl MovingPoints {
     /// A point with its image.
     fn found(&self, mesh: &Mesh, point: &Point, [here, there]: [&[f64]; 2], boxes: &Boxes) -> Group {
         let ray = point.ray(mesh.dim(), here);
-        let hit = ray.as_ref().and_then(|ray| self.targets.hit(mesh, there, boxes, ray));
+        let hit = ray.as_ref().and_then(|ray| self.targets.image(mesh, there, boxes, ray));
         let normal = ray.as_ref().map_or_else(Vector3::zeros, |ray| ray.n).into();
         let (image, motion, weight) = match hit {
-            Some(Hit { image, shift, slope, gap }) => {
+            Some(Hit { image, shift, slope, gap, rank: _ }) => {
                 (image, ImageMotion { shift, slope, normal, gap, stand_in: None }, point.group.weights[0])
             }
-            None => (self.spare, ImageMotion { normal, ..self.nowhere(ray.as_ref(), there) }, 0.0),
+            None => (self.spare, ImageMotion { normal, ..self.nowhere(mesh, ray.as_ref(), there) }, 0.0),
         };
         let kind = mesh.kind(image.cell);
         let side = GroupSide {
@@ -239,8 +255,17 @@ impl MovingPoints {
     }
 
     /// The image far ahead of a point that has none: its position less the displacement that a law adds to it.
-    fn nowhere(&self, ray: Option<&Ray>, there: &[f64]) -> ImageMotion {
-        let mut place = ray.map_or_else(Vector3::zeros, |ray| ray.x + ray.n * self.ahead);
+    fn nowhere(&self, mesh: &Mesh, ray: Option<&Ray>, there: &[f64]) -> ImageMotion {
+        let way = |ray: &Ray| match self.by() {
+            ImageBy::Ray => ray.n,
+            // also ahead of it along the normal of the face that stands in, unless that is its own
+            ImageBy::Closest => {
+                let body = self.targets.body(mesh, there, &self.spare);
+                let outward = body.and_then(|body| body.outward.try_normalize(0.0));
+                outward.filter(|outward| outward.dot(&ray.n) < ONE_WAY).map_or(ray.n, |outward| ray.n - outward)
+            }
+        };
+        let mut place = ray.map_or_else(Vector3::zeros, |ray| ray.x + way(ray) * self.ahead);
         let space = &self.there.space;
         if let Some(position) = space.position_of_cell(self.spare.cell) {
             let table = space.element_at(position).tabulate(&[self.spare.reference], 0);

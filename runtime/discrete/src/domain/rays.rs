@@ -1,4 +1,4 @@
-//! Rays onto faces of a deformed body: the nearest hit, and how it shifts.
+//! Rays onto faces of a deformed body: the nearest hit, and how it shifts; and what closest points share with them.
 //!
 //! A face is `y(p) = X(p) + u(X(p))` over its parameters `p`. A ray is `x + g n` with `g` of either sign; hits are solved with
 //! Newton's method for `(p, g)`. Of the faces that the ray meets from the front (`n . n_y < 0`) within `reach` the nearest
@@ -12,29 +12,30 @@ use nalgebra::{Matrix2, Matrix3, Vector3};
 
 use super::boxes::{Bounds, BoxTree, Boxes};
 use crate::space::Space;
+use wfl_compiler::types::ImageBy;
 use wfl_mesh::{
     element::Table,
     mesh::{CellId, CellKind, FacetRef, Image, Mesh},
 };
 
 /// Edges between faces are closed by this part of a face.
-const CLOSED: f64 = 1e-9;
+pub(super) const CLOSED: f64 = 1e-9;
 /// Free borders are extended by this part of a face.
 const EXTENDED: f64 = 1e-3;
 /// Boxes of faces are grown by this part of their diagonal: between its nodes a face of degree 2 or 3 bulges by less.
 const BULGE: f64 = 0.5;
 /// Iterations of a hit; Newton's method takes 2 to 6.
-const ITERATIONS: usize = 30;
+pub(super) const ITERATIONS: usize = 30;
 /// A hit is found when its parameters move by less.
-const SETTLED: f64 = 1e-14;
+pub(super) const SETTLED: f64 = 1e-14;
 /// One whose last step was longer is none.
-const FOUND: f64 = 1e-9;
+pub(super) const FOUND: f64 = 1e-9;
 /// Parameters further away than this belong to another face.
-const FAR: f64 = 10.0;
+pub(super) const FAR: f64 = 10.0;
 /// A face that is nearer to a point than this part of its size touches it.
 const TOUCHING: f64 = 1e-6;
 /// Two hits are equally near within this part of their distance from the origin and each other.
-const ALIKE: f64 = 1e-12;
+pub(super) const ALIKE: f64 = 1e-12;
 
 /// A ray from a point of the cell `cell`, along a unit vector.
 #[derive(Clone, Copy, Debug)]
@@ -54,8 +55,10 @@ pub(super) struct Hit {
     pub(super) shift: [f64; 6],
     /// Derivative of the outward normal along the face, both in the reference placement: row i, column j at `i + dim j`.
     pub(super) slope: [f64; 9],
-    /// How far along the ray, negative behind its beginning.
+    /// How far along the ray, negative behind its beginning; of a closest point how far the point is outside of its face.
     pub(super) gap: f64,
+    /// Dimension of what the image lies on: a face, an edge or a corner.
+    pub(super) rank: usize,
 }
 
 /// Where a ray meets a face, from the front or not: its parameters, and how far along the ray.
@@ -67,41 +70,51 @@ struct Crossing {
 
 /// A face that rays may meet.
 #[derive(Clone, Debug)]
-struct Target {
-    facet: FacetRef,
+pub(super) struct Target {
+    pub(super) facet: FacetRef,
     /// Of its cell in the space of the displacement.
     position: usize,
     /// By side of the reference facet: how far outside of it a hit may lie.
     margins: [f64; 4],
 }
 
-/// The faces that rays may meet, with the space of the displacement behind them.
+/// How the images of points are looked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImageSearch {
+    /// Along a ray, or the closest point.
+    pub by: ImageBy,
+    /// The longest distance to an image.
+    pub reach: f64,
+}
+
+/// The faces that images may lie on, with the space of the displacement behind them.
 #[derive(Clone, Debug)]
 pub(super) struct Targets {
-    list: Vec<Target>,
+    pub(super) list: Vec<Target>,
     space: Space,
-    reach: f64,
-    tree: BoxTree,
+    by: ImageBy,
+    pub(super) reach: f64,
+    pub(super) tree: BoxTree,
 }
 
 /// Tables of the geometry and of the displacement.
-type Tables = [Table; 2];
+pub(super) type Tables = [Table; 2];
 
 /// A face at some of its parameters.
-struct Place {
+pub(super) struct Place {
     /// In the current placement.
-    y: Vector3<f64>,
+    pub(super) y: Vector3<f64>,
     /// Its derivatives in the parameters.
-    current: [Vector3<f64>; 2],
+    pub(super) current: [Vector3<f64>; 2],
     /// Those of the position in the reference placement.
-    reference: [Vector3<f64>; 2],
+    pub(super) reference: [Vector3<f64>; 2],
     /// Outward, of any length; `None` where the cell has no volume.
-    outward: Option<Vector3<f64>>,
+    pub(super) outward: Option<Vector3<f64>>,
     /// Derivatives of the reference and of the current position in the cell.
     jacobians: [Matrix3<f64>; 2],
 }
 
-/// A body at a hit.
+/// A body at an image.
 pub(super) struct Body {
     /// In the current placement.
     pub(super) y: Vector3<f64>,
@@ -112,7 +125,7 @@ pub(super) struct Body {
 }
 
 /// How far inside the sides of a reference facet parameters are, the unused ones far.
-fn inside(kind: CellKind, p: [f64; 3]) -> [f64; 4] {
+pub(super) fn inside(kind: CellKind, p: [f64; 3]) -> [f64; 4] {
     let [a, b, _] = p;
     match kind {
         CellKind::Segment => [a, 1.0 - a, 1.0, 1.0],
@@ -135,8 +148,8 @@ fn sides(mesh: &Mesh, facet: FacetRef) -> [Vec<usize>; 4] {
 }
 
 impl Targets {
-    /// Rays onto `facets`, at most `reach` long; `None` where the displacement does not live behind one of them.
-    pub(super) fn new(mesh: &Mesh, facets: &[FacetRef], space: Space, reach: f64) -> Option<Self> {
+    /// Images on `facets`; `None` where the displacement does not live behind one of them.
+    pub(super) fn new(mesh: &Mesh, facets: &[FacetRef], space: Space, search: ImageSearch) -> Option<Self> {
         let mut faces_at: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
         for side in facets.iter().flat_map(|facet| sides(mesh, *facet)) {
             *faces_at.entry(side).or_default() += 1;
@@ -146,7 +159,8 @@ impl Targets {
             Some(Target { facet: *facet, position: space.position_of_cell(facet.cell)?, margins })
         };
         let list = facets.iter().map(target).collect::<Option<Vec<_>>>()?;
-        let mut made = Self { list, space, reach, tree: BoxTree::default() };
+        let ImageSearch { by, reach } = search;
+        let mut made = Self { list, space, by, reach, tree: BoxTree::default() };
         made.tree = BoxTree::new(&made.faces(mesh, &[]));
         Some(made)
     }
@@ -181,8 +195,21 @@ impl Targets {
         all
     }
 
+    /// The image of the point that a ray begins at.
+    pub(super) fn image(&self, mesh: &Mesh, u: &[f64], boxes: &Boxes, ray: &Ray) -> Option<Hit> {
+        match self.by {
+            ImageBy::Ray => self.hit(mesh, u, boxes, ray),
+            ImageBy::Closest => self.closest(mesh, u, boxes, ray),
+        }
+    }
+
+    /// How images are found.
+    pub(super) fn by(&self) -> ImageBy {
+        self.by
+    }
+
     /// The nearest face that a ray meets.
-    pub(super) fn hit(&self, mesh: &Mesh, u: &[f64], boxes: &Boxes, ray: &Ray) -> Option<Hit> {
+    fn hit(&self, mesh: &Mesh, u: &[f64], boxes: &Boxes, ray: &Ray) -> Option<Hit> {
         let mut best: Option<(f64, usize, [f64; 3])> = None;
         let (mut near, back) = (Vec::new(), self.reach.min(ray.back));
         self.tree.met(boxes, |bounds| meets(ray, bounds, [back, self.reach]), &mut near);
@@ -200,7 +227,12 @@ impl Targets {
             }
         }
         let (gap, k, p) = best?;
-        Some(Hit { gap, ..self.hit_at(mesh, &self.list[k], u, p)? })
+        let target = &self.list[k];
+        let tables = self.tables(mesh, target, p, 2);
+        let at = self.place(mesh, target, u, &tables);
+        let shift = pseudo_inverse(&at.current, mesh.dim())?;
+        let c = across(&at.reference, &shift, &at.reference);
+        Some(Hit { gap, ..self.hit_at(mesh, target, &tables, &at, p, &c)? })
     }
 
     /// How thick the body is behind the point of a ray, in the reference placement: the distance to the first of its `own`
@@ -224,16 +256,16 @@ impl Targets {
         least
     }
 
-    /// With derivatives of the geometry up to `order`.
-    fn tables(&self, mesh: &Mesh, target: &Target, p: [f64; 3], order: usize) -> Tables {
+    /// With derivatives up to `order`.
+    pub(super) fn tables(&self, mesh: &Mesh, target: &Target, p: [f64; 3], order: usize) -> Tables {
         let kind = mesh.kind(target.facet.cell);
         let local = usize::from(target.facet.local);
         let r = [kind.facet_point(local, kind.facet_map(local).apply(p))];
-        [mesh.geometry_element(kind).tabulate(&r, order), self.space.element_at(target.position).tabulate(&r, 1)]
+        [mesh.geometry_element(kind).tabulate(&r, order), self.space.element_at(target.position).tabulate(&r, order)]
     }
 
     /// Where a point of the face is.
-    fn position(&self, mesh: &Mesh, target: &Target, u: &[f64], [geometry, field]: &Tables) -> Vector3<f64> {
+    pub(super) fn position(&self, mesh: &Mesh, target: &Target, u: &[f64], [geometry, field]: &Tables) -> Vector3<f64> {
         let dim = mesh.dim();
         let mut y = Vector3::from(mesh.point_at(target.facet.cell, geometry, 0));
         for (k, node) in self.space.entity_nodes(target.position).iter().enumerate() {
@@ -244,7 +276,7 @@ impl Targets {
     }
 
     /// The face where it was tabulated.
-    fn place(&self, mesh: &Mesh, target: &Target, u: &[f64], tables: &Tables) -> Place {
+    pub(super) fn place(&self, mesh: &Mesh, target: &Target, u: &[f64], tables: &Tables) -> Place {
         let (dim, cell) = (mesh.dim(), target.facet.cell);
         let [geometry, field] = tables;
         let mut y = Vector3::from(mesh.point_at(cell, geometry, 0));
@@ -276,13 +308,13 @@ impl Targets {
         }
     }
 
-    /// The body at a hit.
-    pub(super) fn body(&self, mesh: &Mesh, u: &[f64], hit: &Hit) -> Option<Body> {
-        let target = self.list.iter().find(|target| Some(target.facet) == hit.image.facet)?;
+    /// The body at an image.
+    pub(super) fn body(&self, mesh: &Mesh, u: &[f64], image: &Image) -> Option<Body> {
+        let target = self.list.iter().find(|target| Some(target.facet) == image.facet)?;
         let kind = mesh.kind(target.facet.cell);
-        let r = [hit.image.reference];
+        let r = [image.reference];
         let tables =
-            [mesh.geometry_element(kind).tabulate(&r, 2), self.space.element_at(target.position).tabulate(&r, 1)];
+            [mesh.geometry_element(kind).tabulate(&r, 1), self.space.element_at(target.position).tabulate(&r, 1)];
         let at = self.place(mesh, target, u, &tables);
         let deformation = at.jacobians[1] * at.jacobians[0].try_inverse()?;
         Some(Body { y: at.y, deformation, outward: at.outward? })
@@ -335,13 +367,17 @@ impl Targets {
         Some(Crossing { p, g, is_front: at.outward?.dot(&ray.n) < 0.0 })
     }
 
-    /// What is told of a hit.
-    fn hit_at(&self, mesh: &Mesh, target: &Target, u: &[f64], p: [f64; 3]) -> Option<Hit> {
-        let tables = self.tables(mesh, target, p, 2);
-        let at = self.place(mesh, target, u, &tables);
+    /// What is told of an image at parameters of a face, with the matrix of its shift.
+    pub(super) fn hit_at(
+        &self,
+        mesh: &Mesh,
+        target: &Target,
+        tables: &Tables,
+        at: &Place,
+        p: [f64; 3],
+        c: &Matrix3<f64>,
+    ) -> Option<Hit> {
         let dim = mesh.dim();
-        let shift = pseudo_inverse(&at.current, dim)?;
-        let c = across(&at.reference, &shift, &at.reference);
         let mut hit = Hit {
             image: Image {
                 cell: target.facet.cell,
@@ -351,13 +387,14 @@ impl Targets {
             shift: [0.0; 6],
             slope: [0.0; 9],
             gap: 0.0,
+            rank: dim - 1,
         };
         for j in 0..dim {
             for i in 0..=j {
                 hit.shift[j * (j + 1) / 2 + i] = c[(i, j)];
             }
         }
-        let turns = self.normal_derivatives(mesh, target, &tables, &at)?;
+        let turns = self.normal_derivatives(mesh, target, tables, at)?;
         let slope = across(&turns, &pseudo_inverse(&at.reference, dim)?, &at.reference);
         for j in 0..dim {
             for i in 0..dim {
@@ -365,6 +402,28 @@ impl Targets {
             }
         }
         Some(hit)
+    }
+
+    /// The second derivatives of the position of a face in its parameters: 11, 12, 22.
+    pub(super) fn bend(&self, mesh: &Mesh, target: &Target, u: &[f64], tables: &Tables) -> [Vector3<f64>; 3] {
+        let (dim, cell) = (mesh.dim(), target.facet.cell);
+        let tangents = mesh.kind(cell).facet_map(usize::from(target.facet.local)).tangents;
+        let along = |table: &Table, k: usize, [a, b]: [usize; 2]| -> f64 {
+            let hessian = &table.hessians[k * dim * dim..][..dim * dim];
+            (0..dim * dim).map(|e| tangents[a][e / dim] * hessian[e] * tangents[b][e % dim]).sum()
+        };
+        let [geometry, field] = tables;
+        [[0, 0], [0, 1], [1, 1]].map(|pair| {
+            let mut sum = Vector3::zeros();
+            for (k, node) in mesh.cell_nodes(cell)[..geometry.n_dofs].iter().enumerate() {
+                sum += Vector3::from(mesh.node(*node)) * along(geometry, k, pair);
+            }
+            for (k, node) in self.space.entity_nodes(target.position).iter().enumerate() {
+                let own = u.get(*node as usize * dim..(*node as usize + 1) * dim).unwrap_or_default();
+                own.iter().enumerate().for_each(|(i, value)| sum[i] += value * along(field, k, pair));
+            }
+            sum
+        })
     }
 
     /// The derivatives of the outward unit normal of the reference placement in the parameters.
@@ -375,32 +434,20 @@ impl Targets {
         tables: &Tables,
         at: &Place,
     ) -> Option<[Vector3<f64>; 2]> {
-        let (dim, cell) = (mesh.dim(), target.facet.cell);
-        let geometry = &tables[0];
-        let tangents = mesh.kind(cell).facet_map(usize::from(target.facet.local)).tangents;
-        let second = |a: usize, b: usize| {
-            let mut sum = Vector3::zeros();
-            for (k, node) in mesh.cell_nodes(cell)[..geometry.n_dofs].iter().enumerate() {
-                let hessian = &geometry.hessians[k * dim * dim..][..dim * dim];
-                let along: f64 = (0..dim * dim).map(|e| tangents[a][e / dim] * hessian[e] * tangents[b][e % dim]).sum();
-                sum += Vector3::from(mesh.node(*node)) * along;
-            }
-            sum
-        };
+        let [x11, x12, x22] = self.bend(mesh, target, &[], tables);
         let [b1, b2] = at.reference;
         let quarter = |v: Vector3<f64>| Vector3::new(v[1], -v[0], 0.0);
-        let (normal, turned) = if dim == 2 {
-            (quarter(b1), [quarter(second(0, 0)), Vector3::zeros()])
+        let (normal, turned) = if mesh.dim() == 2 {
+            (quarter(b1), [quarter(x11), Vector3::zeros()])
         } else {
-            let turned = [0, 1].map(|a| second(0, a).cross(&b2) + b1.cross(&second(1, a)));
-            (b1.cross(&b2), turned)
+            (b1.cross(&b2), [x11.cross(&b2) + b1.cross(&x12), x12.cross(&b2) + b1.cross(&x22)])
         };
         let size = normal.norm();
         if size == 0.0 {
             return None;
         }
         let unit = normal / size;
-        let sign = unit.dot(&reference_outward(mesh, target, geometry)?).signum();
+        let sign = unit.dot(&reference_outward(mesh, target, &tables[0])?).signum();
         Some(turned.map(|t| (t - unit * unit.dot(&t)) * (sign / size)))
     }
 }
@@ -441,7 +488,7 @@ fn across(a: &[Vector3<f64>; 2], m: &Matrix2<f64>, b: &[Vector3<f64>; 2]) -> Mat
 }
 
 /// Parameters of a facet whose positions say where it is.
-fn samples(kind: CellKind) -> Vec<[f64; 3]> {
+pub(super) fn samples(kind: CellKind) -> Vec<[f64; 3]> {
     let ends: &[f64] = &[0.0, 0.5, 1.0];
     match kind {
         CellKind::Segment => ends.iter().map(|a| [*a, 0.0, 0.0]).collect(),
