@@ -18,8 +18,8 @@ use super::{
     jumps, mappings,
     outputs::OutputMaker,
     reactions::Held,
+    rule_choice::states_read,
     sampling::parts,
-    states::states_read,
     terms::{self, PointsOf},
 };
 use crate::{
