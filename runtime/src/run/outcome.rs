@@ -16,7 +16,7 @@ use crate::{
     finite::BadMeasure,
     newton::Stop,
     output::{self, EventReport, OutputDir, Piece, Real, Report, State, write_csv, write_report, write_vtu},
-    scene::{Ended, Equations, Scene, Solving, VtkOutput, unbalanced},
+    scene::{Ended, Equations, Scene, Solving, VtkOutput, closed_tips, unbalanced},
 };
 
 /// What a run ends with.
@@ -123,11 +123,19 @@ impl Run {
         let solved = |s: &&StepResult| s.history.converged() && s.history.stop != Some(Stop::Given);
         warnings.extend(self.watched.told(scene, &self.u, self.steps.iter().filter(solved).count()));
         warnings.extend(self.bad.iter().map(|bad| Diagnostic::new(Code::W610, bad.text())));
+        let ended_at = self.steps.last().map_or(0.0, |s| s.time);
+        warnings.extend(closed_tips(scene, ended_at, &self.u));
         let measured = self.steps.iter().map(|s| (s.time, s.measures.as_slice()));
         let balance = self.stepper.balance.as_ref();
         warnings.extend(lost(scene, balance, measured));
         let floor = |s: &StepResult| s.history.iterations.last().map_or(0.0, |i| i.floor);
-        let ended = self.steps.iter().map(|s| Ended { time: s.time, measures: &s.measures, floor: floor(s) });
+        let ended = self.steps.iter().map(|s| Ended {
+            time: s.time,
+            increment: s.increment,
+            measures: &s.measures,
+            moved: &s.moved,
+            floor: floor(s),
+        });
         warnings.extend(unbalanced(scene, ended));
         let longest = || scene.steps.longest_increment();
         warnings.extend(self.stepper.stability.told(longest));
