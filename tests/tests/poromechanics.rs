@@ -385,7 +385,7 @@ fn faults_that_cross_in_rock_share_their_flow() {
 }
 
 /// Slow slip by injection, rate-and-state friction with steps by `auto`: slip, rate and pressure of dislocations, when the
-/// well is shut and at the end.
+/// well is shut and at the end, within the errors of cells of 100 m and of steps of 1e-3.
 #[test]
 fn slow_slip_by_injection_is_that_of_dislocations() {
     let found = example("poro/slow_slip.wfl");
@@ -397,8 +397,8 @@ fn slow_slip_by_injection_is_that_of_dislocations() {
             ("slip", "slip", 6e-3),
             ("slip_1km", "slip_1km", 6e-3),
             ("potency", "potency", 8e-3),
-            ("pressure", "p", 1e-3),
-            ("pressure_1km", "p_1km", 1e-3),
+            ("pressure", "p", 2e-3),
+            ("pressure_1km", "p_1km", 2e-3),
         ] {
             assert_near(&format!("{day}: {name}"), found.measure(step, name), number(&row[key]), within);
         }

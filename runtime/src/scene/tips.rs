@@ -40,7 +40,8 @@ impl Tips {
     fn told(&self, scene: &Scene, time: f64, u: &[f64]) -> Option<Diagnostic> {
         let most = largest(u[scene.system.range(self.field)?].iter().copied());
         let part = largest(self.beside.iter().map(|dof| u[*dof])) / most;
-        if !(part > CLOSED) {
+        // of a multiplier that is zero everywhere there is no part
+        if part.is_nan() || part <= CLOSED {
             return None;
         }
         let name = &scene.system.fields[self.field].name;
