@@ -37,7 +37,8 @@ pub fn is_due(step: usize, is_last: bool) -> bool {
 #[must_use]
 pub fn unstable(state: Solved<'_>, solver: &mut LinearSolver, due: bool) -> Option<Unstable> {
     let Solved { system, u, .. } = state;
-    let is_rate = |slot: &UniformSlot| matches!(slot, UniformSlot::Rate(_));
+    // `Rate(e)` divides by the increment, and has no slot of its own
+    let is_rate = |slot: &UniformSlot| matches!(slot, UniformSlot::Rate(_) | UniformSlot::TimeStep);
     let has_rates = system.terms.iter().any(|term| term.law.prologue.slots.iter().any(is_rate));
     if system.is_linear() || has_rates || !system.team().is_alone() || !solver.is_ours() {
         return None;

@@ -247,22 +247,29 @@ impl Csr {
         (starts, places)
     }
 
-    /// Whether `|a_ij - a_ji| <= tolerance * max |a|` for all entries (an entry that is not stored is zero).
+    /// Whether `|a_ij - a_ji| <= tolerance * sqrt(m_i m_j)` for all entries, with `m_i` the largest magnitude in row i (an
+    /// entry that is not stored is zero).
     pub fn is_symmetric(&self, tolerance: f64) -> bool {
         if self.n_rows() != self.n_cols() {
             return false;
         }
-        let bound = tolerance * self.max_abs();
+        // rounding of an entry that couples two unknowns is a part of what both are stiff: of unknowns in other units, such as
+        // a pressure beside a displacement, the largest entry of the matrix says nothing
+        let sizes: Vec<f64> = (0..self.n_rows()).map(|row| largest(self.row(row).1.iter().copied()).sqrt()).collect();
+        let is_one =
+            |row: usize, column: usize, difference: f64| difference.abs() <= tolerance * sizes[row] * sizes[column];
         let (transposed, sources) = self.pattern.transpose();
-        if transposed == *self.pattern {
-            return sources
-                .iter()
-                .zip(&self.values)
-                .all(|(&source, value)| (value - self.values[source]).abs() <= bound);
-        }
+        let mirrored = transposed == *self.pattern;
+        let mut place = 0;
         (0..self.n_rows()).all(|row| {
             let (columns, values) = self.row(row);
-            columns.iter().zip(values).all(|(&column, value)| (value - self.get(column as usize, row)).abs() <= bound)
+            let first = place;
+            place += columns.len();
+            columns.iter().zip(values).enumerate().all(|(k, (&column, value))| {
+                let column = column as usize;
+                let other = if mirrored { self.values[sources[first + k]] } else { self.get(column, row) };
+                is_one(row, column, value - other)
+            })
         })
     }
 
@@ -475,6 +482,19 @@ mod tests {
         assert_eq!(a.transpose().get(0, 2), 4.0);
         assert_eq!((a.norm_1(), a.norm_inf(), a.max_abs()), (6.5, 9.0, 5.0));
         assert!(!a.is_symmetric(0.1) && a.plus(&a.transpose()).unwrap().is_symmetric(0.0));
+    }
+
+    /// A stiff unknown beside a soft one, which couple with opposite signs: in other units the matrix is not symmetric
+    /// either.
+    #[test]
+    fn symmetry_does_not_depend_on_units() {
+        for unit in [1e-12, 1e-6, 1.0, 1e6] {
+            let coupled = |sign: f64| {
+                let entries = [(0, 0, 1e6), (0, 1, unit), (1, 0, sign * unit), (1, 1, unit * unit)];
+                Csr::from_triplets(2, 2, &entries).unwrap()
+            };
+            assert!(coupled(1.0).is_symmetric(1e-9) && !coupled(-1.0).is_symmetric(1e-9), "{unit}");
+        }
     }
 
     #[test]

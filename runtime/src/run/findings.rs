@@ -48,6 +48,7 @@ const CHECKS: &[Check] = &[
     Check { codes: &[Code::W649], look: watched::alternating },
     Check { codes: &[Code::W632, Code::W670], look: watched::lost_images },
     Check { codes: &[Code::W610], look: |run| bad_measures(run.run) },
+    Check { codes: &[Code::W680], look: closed_tips },
     Check { codes: &[Code::W620], look: |run| leaving::lost(run).into_iter().collect() },
     Check { codes: &[Code::W650], look: unbalanced },
     Check {
@@ -261,10 +262,22 @@ fn bad_measures(run: &Run) -> Vec<Diagnostic> {
     run.bad.iter().map(|bad| Diagnostic::new(Code::W610, bad.text())).collect()
 }
 
+/// W680 in the last state.
+fn closed_tips(run: &Ended<'_>) -> Vec<Diagnostic> {
+    let time = run.run.steps.last().map_or(0.0, |s| s.time);
+    scene::closed_tips(run.scene, time, &run.run.u).into_iter().collect()
+}
+
 /// W650.
 fn unbalanced(run: &Ended<'_>) -> Vec<Diagnostic> {
     let floor = |s: &StepResult| s.history.iterations.last().map_or(0.0, |i| i.floor);
-    let ended = run.run.steps.iter().map(|s| scene::Ended { time: s.time, measures: &s.measures, floor: floor(s) });
+    let ended = run.run.steps.iter().map(|s| scene::Ended {
+        time: s.time,
+        increment: s.increment,
+        measures: &s.measures,
+        moved: &s.moved,
+        floor: floor(s),
+    });
     scene::unbalanced(run.scene, ended)
 }
 

@@ -68,7 +68,7 @@ use crate::{
     finite::{BadGiven, BadMeasure, BadOutput},
     newton::{NewtonError, StepHistory, Stop},
     output::{Hash, OutputDir, OutputError, Piece, State, write_report},
-    scene::{Scene, Solving},
+    scene::{Scene, Solving, Turnover},
     system::Form,
 };
 use adaptive::Reach;
@@ -133,6 +133,8 @@ pub struct StepResult {
     pub measures: Vec<(String, f64)>,
     /// Those of them that are not finite; empty for a step that another process did.
     pub bad_measures: Vec<BadMeasure>,
+    /// What moves in the balances of the scene; empty for a step that another process did.
+    pub(crate) moved: Vec<Turnover>,
     /// By term: the branches of its kinks at its end; empty as [`Self::state`] is.
     pub branches: Vec<BranchCounts>,
     /// All unknowns at its end; empty for steps before the last one unless [`RunOptions::keep_states`] says otherwise,
@@ -569,7 +571,8 @@ impl Run {
         (step.limit, step.events) = self.watched(scene, time, increment);
         let lasting = step.lasting();
         step.series = self.series(scene, &step, self.place_of(&step, &lasting, self.steps.len()));
-        (step.measures, step.bad_measures) = self.measures(scene, time, increment);
+        let taken = self.measures(scene, time, increment);
+        (step.measures, step.bad_measures, step.moved) = (taken.measures, taken.bad, taken.moved);
         self.print(scene, time, increment, progress);
         step.state = self.u.clone();
         self.clock.measure += begin.elapsed().as_secs_f64();

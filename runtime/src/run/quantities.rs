@@ -3,17 +3,19 @@
 use super::{Progress, Run, StepResult, events::Sides};
 use crate::{
     finite::{BadMeasure, BadOutput},
-    scene::{CsvOutput, Measured, Scene, Solving, StepPlace},
+    scene::{CsvOutput, Measured, Scene, Solving, StepPlace, Turnover},
 };
+
+/// What is measured at the end of a step: the fields of [`StepResult`].
+pub(super) struct Taken {
+    pub(super) measures: Vec<(String, f64)>,
+    pub(super) bad: Vec<BadMeasure>,
+    pub(super) moved: Vec<Turnover>,
+}
 
 impl Run {
     /// The measures of the scene by name, and those that are not finite with the place.
-    pub(super) fn measures(
-        &self,
-        scene: &Solving<'_>,
-        time: f64,
-        increment: f64,
-    ) -> (Vec<(String, f64)>, Vec<BadMeasure>) {
+    pub(super) fn measures(&self, scene: &Solving<'_>, time: f64, increment: f64) -> Taken {
         let Solving { system, scene: Scene { measures: asked, .. }, .. } = scene;
         let u = &self.u;
         let (mut measures, mut bad_measures) = (Vec::with_capacity(asked.len()), Vec::new());
@@ -34,7 +36,8 @@ impl Run {
                 .map(|((name, value), of)| BadMeasure { name: name.clone(), span: of.span, value: *value, at: None }),
         );
         measures.extend(made);
-        (measures, bad_measures)
+        let moved = asked.iter().filter_map(|measure| measure.moved(&at)).collect();
+        Taken { measures, bad: bad_measures, moved }
     }
 
     /// The present state, as measures see it.

@@ -69,7 +69,10 @@ impl Builder<'_> {
         let mut made = Assembled { terms: Vec::new(), summaries: Vec::new(), contact: Vec::new() };
         let mut complete = true;
         for (placed, kernels) in laws.into_iter().zip(kernels) {
-            let choice = match rules.get(&placed.place).map_or(RuleChoice::Degree(1), |choice| choice.of(&placed.law)) {
+            let choice = match rules
+                .get(&placed.place)
+                .map_or(RuleChoice::Degree(1), |choice| choice.of(&placed.law, &self.fields))
+            {
                 RuleChoice::Degree(degree) => RuleChoice::Degree(degree.max(least(&placed.law))),
                 nodes => nodes,
             };

@@ -12,7 +12,7 @@ use wfl_compiler::types::FieldKind;
 
 use super::{
     Builder, Energy, Scene,
-    reactions::{Held, Measured},
+    reactions::{Added, Held, Measured},
 };
 
 /// Of what moved this part may be lost: Newton's tolerance leaves less.
@@ -27,6 +27,15 @@ struct Equations {
     terms: Vec<String>,
     /// By statement the dofs that it prescribes.
     held: Vec<Vec<usize>>,
+}
+
+/// What moves in a step, of a balance by the name of what it loses.
+#[derive(Clone, Debug)]
+pub(crate) struct Turnover {
+    /// The measure.
+    pub(crate) name: String,
+    /// The most that one of its terms takes from some nodes and gives to others, beside what comes in and goes out.
+    pub(crate) amount: f64,
 }
 
 /// What they add up to.
@@ -59,6 +68,15 @@ impl Balanced {
             BalancePart::Lost => sums.brought - sums.taken - sums.by_term.iter().sum::<f64>(),
         }
     }
+
+    /// Of what is lost: what moves from node to node; made by all ranks together.
+    pub(super) fn moved(&self, at: &Measured<'_>) -> Option<f64> {
+        if self.part != BalancePart::Lost {
+            return None;
+        }
+        let of_term = |added: &Vec<Added>| self.of.fields.iter().map(|field| added[*field].moved).sum();
+        Some(at.sums()?.iter().map(of_term).fold(0.0, f64::max))
+    }
 }
 
 impl Sums {
@@ -78,7 +96,7 @@ impl Equations {
         let system = at.system;
         let mut sums = Sums { by_term: vec![0.0; self.terms.len()], ..Sums::default() };
         for (term, by_field) in system.terms.iter().zip(at.sums()?) {
-            let sum: f64 = self.fields.iter().map(|field| by_field[*field]).sum();
+            let sum: f64 = self.fields.iter().map(|field| by_field[*field].sum).sum();
             match self.terms.iter().position(|name| Energy::is_of(name, &term.law.name)) {
                 Some(place) => sums.by_term[place] += sum,
                 None => sums.bring(-sum),
@@ -145,27 +163,34 @@ impl Builder<'_> {
 pub(crate) struct Ended<'s> {
     /// The step variable.
     pub(crate) time: f64,
+    /// Its increment.
+    pub(crate) increment: f64,
     pub(crate) measures: &'s [(String, f64)],
+    /// Of each balance; empty for a step that another process did, which has told it.
+    pub(crate) moved: &'s [Turnover],
     /// The part of the forces that rounding leaves: of a step that is short beside what it stores no more is known.
     pub(crate) floor: f64,
 }
 
-/// W650: the step with the largest part that is lost of what moved, where that is more than Newton leaves.
+/// W650: the step with the largest part that is lost of what moves, where that is more than Newton leaves. In a scene with
+/// rates the balances are rates: a step counts by its increment, beside all that moves during the run. One that is short, at a
+/// jump of a load, knows its rates to few digits and loses nothing by that.
 pub(crate) fn unbalanced<'s>(scene: &Scene, steps: impl Iterator<Item = Ended<'s>> + Clone) -> Vec<Diagnostic> {
+    let has_rates = scene.steps.from_start;
     let told = |name: &String| {
-        let worst = steps.clone().map(|Ended { time, measures, floor }| {
-            let of = |m: &&(String, f64)| m.0.strip_prefix(name.as_str()).is_some_and(|end| end.starts_with('_'));
-            let is_lost = |m: &&(String, f64)| m.0.strip_prefix(name.as_str()) == Some("_lost");
-            let own = || measures.iter().filter(of);
-            let moved = own().filter(|m| !is_lost(m)).fold(0.0f64, |most, m| most.max(m.1.abs()));
-            let lost = own().find(is_lost).map_or(0.0, |m| m.1);
-            let lost = if part(lost, moved) > floor { lost } else { 0.0 };
-            (time, lost, moved)
+        let lost = format!("{name}_lost");
+        let moved = |step: &Ended<'_>| step.moved.iter().find(|m| m.name == lost).map(|m| m.amount);
+        let all: f64 = steps.clone().filter_map(|step| Some(moved(&step)? * step.increment)).sum();
+        let worst = steps.clone().filter_map(|step| {
+            let moved = moved(&step)?;
+            let lost = step.measures.iter().find(|m| m.0 == lost).map_or(0.0, |m| m.1);
+            let share = if has_rates { part(lost * step.increment, all) } else { part(lost, moved) };
+            (part(lost, moved) > step.floor).then_some((step.time, lost, share))
         });
-        let (time, lost, moved) = worst.max_by(|a, b| part(a.1, a.2).total_cmp(&part(b.1, b.2)))?;
-        (part(lost, moved) > LOST).then(|| {
-            let text =
-                format!("at t = {time} the balance `{name}` loses {lost:.3e}, {:.1e} of what moves", part(lost, moved));
+        let (time, lost, share) = worst.max_by(|a, b| a.2.total_cmp(&b.2))?;
+        (share > LOST).then(|| {
+            let of = if has_rates { "in the run" } else { "there" };
+            let text = format!("at t = {time} the balance `{name}` loses {lost:.3e}, {share:.1e} of what moves {of}");
             let why = "the step has not converged to that, or points of a mapping have no image";
             Diagnostic::new(Code::W650, text).note(why)
         })

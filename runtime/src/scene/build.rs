@@ -358,6 +358,7 @@ impl Builder<'_> {
             inputs: self.inputs,
             tables,
             idle: idle.notes,
+            tips: idle.tips,
             in_terms: names_in_terms(self.script),
             env,
         })

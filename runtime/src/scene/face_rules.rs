@@ -22,7 +22,7 @@ use wfl_compiler::{
 use super::{
     Parts,
     constants::number,
-    rule_choice::{RuleChoice, Rules, end_on_axis, ends},
+    rule_choice::{RuleChoice, Rules, end_on_axis, ends, highest, is_bound},
     terms::{PlacedLaw, TermMaker},
 };
 use crate::{
@@ -111,6 +111,9 @@ fn choice(parts: Parts<'_>, laws: &[&PlacedLaw]) -> Option<RuleChoice> {
         return None;
     }
     let degree = fields.iter().map(|f| f.degree()).max()?;
+    // what is tested there, and what shares the points for the sake of a state, has its nodes there, too
+    let bound = laws.iter().filter(|l| is_bound(&l.law, parts.fields));
+    let degree = bound.filter_map(|l| highest(&l.law, parts.fields)).fold(degree, usize::max);
     let axis = match parts.mesh.dim() {
         2 => Ends { mesh: parts.mesh, facets: &facets, laws: &kinked }.axis(),
         _ => None,

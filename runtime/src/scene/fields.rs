@@ -100,7 +100,9 @@ impl FieldMaker<'_> {
             }
             RegionSet::Edges(_) | RegionSet::Nodes(_) => {
                 let d = Diagnostic::new(Code::E405, "a field is defined on cells or faces, not on nodes");
-                self.diagnostics.push(d.at(declared.space.span, ""));
+                let help = "a field of faces has one value where they end or cross: on the surface itself, with `fix` or `load` on \
+                            the region of nodes";
+                self.diagnostics.push(d.at(declared.space.span, "").help(help));
                 return None;
             }
         };

@@ -20,6 +20,7 @@ use wfl_compiler::types::{FieldKind, Side};
 use super::{
     constraints::{SAME_PLACE, Spot, at_place, extent},
     mappings::Mappings,
+    tips::Tips,
 };
 use crate::{
     contact::{Contact, Friction, couplings, has_multiplier},
@@ -37,6 +38,8 @@ use directions::{Node, Split};
 pub(super) struct Idle {
     /// What `wfl check` says of nodes whose sides are one: the multiplier and the reason.
     pub(super) notes: Vec<(String, String)>,
+    /// Where those nodes are.
+    pub(super) tips: Vec<Tips>,
 }
 
 /// A node of a multiplier at which some displacement is prescribed, or both sides are one.
@@ -295,6 +298,8 @@ impl Plan {
             if joined > 0 {
                 let why = "both sides share one node there, an end of the `split`: there is no jump";
                 idle.notes.push((format!("`{name}` at {}", nodes(joined)), why.to_owned()));
+                let ends = own().filter(|(c, (dropped, _))| *dropped > 0 && c.joined).map(|(c, _)| c.node);
+                idle.tips.extend(Tips::new(system, field, &ends.collect()));
             }
             let kept = "they would make the system singular in stick; `with crosspoints=keep` keeps them";
             let mut warn = |text: String, note: &str, label: &str| {

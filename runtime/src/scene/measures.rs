@@ -13,13 +13,13 @@ use wfl::{
 use wfl_compiler::{ValueLaw, compile_value};
 
 use super::{
-    Builder, Measure, Measured, RuleChoice, Taken,
+    Builder, Measure, Measured, RuleChoice, Taken, Turnover,
     constants::numbers,
     jumps, mappings,
     outputs::OutputMaker,
     reactions::Held,
+    rule_choice::states_read,
     sampling::parts,
-    states::states_read,
     terms::{self, PointsOf},
 };
 use crate::{
@@ -305,6 +305,12 @@ impl Measure {
             Taken::Reaction(reaction) => reaction.value(at),
             Taken::Balance(balanced) => balanced.value(at),
         }
+    }
+
+    /// Of what a balance loses: what moves there.
+    pub(crate) fn moved(&self, at: &Measured<'_>) -> Option<Turnover> {
+        let Taken::Balance(balanced) = &self.taken else { return None };
+        Some(Turnover { name: self.name.clone(), amount: balanced.moved(at)? })
     }
 }
 

@@ -60,6 +60,7 @@ mod states;
 mod surfaces;
 mod tables;
 mod terms;
+mod tips;
 mod twice;
 mod zero_loads;
 
@@ -92,7 +93,7 @@ use crate::{
     value::{Sampled, Value},
 };
 
-pub(crate) use balances::{Ended, unbalanced};
+pub(crate) use balances::{Ended, Turnover, unbalanced};
 use batch::Batch;
 pub use between::Between;
 pub use cadence::{Cadence, Every, StepPlace};
@@ -127,6 +128,7 @@ pub use states::StateUpdate;
 pub(crate) use tables::TablesOf;
 pub(crate) use terms::Origin;
 pub use terms::RuleChoice;
+pub(crate) use tips::closed_tips;
 
 /// A quantity printed and reported at each step.
 pub struct Measure {
@@ -272,6 +274,8 @@ pub struct Scene {
     pub tables: TablesOf,
     /// Multipliers that have nodes without a jump by the mesh alone, and why.
     pub(crate) idle: Vec<(String, String)>,
+    /// Of those the ones at the ends of cracks.
+    pub(crate) tips: Vec<tips::Tips>,
     /// What the declaration of each field says.
     pub(crate) declared: Vec<DeclaredField>,
     /// Words in expressions of terms.

@@ -26,6 +26,15 @@ const LINEAR: f64 = 1e-9;
 /// is one.
 const TRIAL: [f64; 3] = [0.37, 1.71, -2.93];
 
+/// What a term adds to the equations of a field.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Added {
+    /// To all of them together.
+    pub(super) sum: f64,
+    /// The sizes of what it adds to each: what goes from node to node counts, too.
+    pub(super) moved: f64,
+}
+
 /// The state that measures are taken at.
 pub struct Measured<'a> {
     /// The equations, which stand at the step.
@@ -37,7 +46,7 @@ pub struct Measured<'a> {
     /// The unknowns.
     pub u: &'a [f64],
     rows: OnceCell<Option<Vec<f64>>>,
-    sums: OnceCell<Option<Vec<Vec<f64>>>>,
+    sums: OnceCell<Option<Vec<Vec<Added>>>>,
 }
 
 impl<'a> Measured<'a> {
@@ -51,7 +60,7 @@ impl<'a> Measured<'a> {
     #[must_use]
     pub fn where_time_starts(self) -> Self {
         let Self { system, u, .. } = self;
-        let none = vec![vec![0.0; system.fields.len()]; system.terms.len()];
+        let none = vec![vec![Added::default(); system.fields.len()]; system.terms.len()];
         Self { rows: OnceCell::from(Some(vec![0.0; u.len()])), sums: OnceCell::from(Some(none)), ..self }
     }
 
@@ -62,9 +71,9 @@ impl<'a> Measured<'a> {
         system
     }
 
-    /// By term and field what the term adds to all equations of the field together, on all ranks; `None` where a number is
-    /// not finite. Computed once.
-    pub(super) fn sums(&self) -> Option<&[Vec<f64>]> {
+    /// By term and field what the term adds to the equations of the field, on all ranks; `None` where a number is not
+    /// finite. Computed once.
+    pub(super) fn sums(&self) -> Option<&[Vec<Added>]> {
         self.sums.get_or_init(|| term_sums(&self.solved(), self.u)).as_deref()
     }
 
@@ -75,20 +84,28 @@ impl<'a> Measured<'a> {
     }
 }
 
-/// By term and field the sum of its contributions.
-fn term_sums(system: &System, u: &[f64]) -> Option<Vec<Vec<f64>>> {
-    let mut out = Vec::with_capacity(system.terms.len());
+/// By term and field its contributions.
+fn term_sums(system: &System, u: &[f64]) -> Option<Vec<Vec<Added>>> {
+    let mut out: Vec<Vec<Added>> = Vec::with_capacity(system.terms.len());
     let mut finite = true;
     for term in 0..system.terms.len() {
         let mut rows = vec![0.0; u.len()];
         finite &= system.term_residual(term, u, &mut rows).is_ok();
-        let of_field = |field: usize| system.range(field).map_or(0.0, |range| rows[range].iter().sum());
-        out.push((0..system.fields.len()).map(of_field).collect::<Vec<f64>>());
+        let of_field = |field: usize| {
+            let own = system.range(field).map_or(&[][..], |range| &rows[range]);
+            Added { sum: own.iter().sum(), moved: own.iter().map(|row| row.abs()).sum() }
+        };
+        out.push((0..system.fields.len()).map(of_field).collect());
     }
     if system.team().any(!finite) {
         return None;
     }
-    out.iter_mut().for_each(|sums| system.team().sum(sums));
+    for added in &mut out {
+        let mut numbers: Vec<f64> = added.iter().flat_map(|a| [a.sum, a.moved]).collect();
+        system.team().sum(&mut numbers);
+        let of_all = numbers.as_chunks().0.iter().map(|[sum, moved]| Added { sum: *sum, moved: *moved });
+        *added = of_all.collect();
+    }
     Some(out)
 }
 

@@ -2,9 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use wfl_compiler::{Class, TermLaw};
+use wfl_compiler::{
+    Class, TermLaw,
+    types::{FieldKind, InputSlot},
+};
 
-use crate::mesh::{FacetRef, Mesh};
+use crate::{
+    field::Field,
+    mesh::{FacetRef, Mesh},
+};
 
 /// A coordinate below this part of the length of the face is zero: the end lies on the axis.
 const ON_AXIS: f64 = 1e-6;
@@ -40,13 +46,39 @@ impl RuleChoice {
     }
 
     /// The rule of a law on a region with this rule that no statement gives: what does not depend on the unknowns, a load,
-    /// needs no points at the nodes and has those of its degree.
-    pub(super) fn of(self, law: &TermLaw) -> RuleChoice {
+    /// needs no points at the nodes and has those of its degree. So has a law without kinks with a field of a higher degree
+    /// than those of the contact (the temperature beside a displacement): some of its nodes have no point here.
+    pub(super) fn of(self, law: &TermLaw, fields: &[Field]) -> RuleChoice {
         match self {
             RuleChoice::Nodes { .. } if law.class == Class::Constant => RuleChoice::Degree(law.degree.rule()),
+            RuleChoice::Nodes { degree, .. } if !is_bound(law, fields) && highest(law, fields) > Some(degree) => {
+                RuleChoice::Degree(law.degree.rule())
+            }
             choice => choice,
         }
     }
+}
+
+/// Whether a law holds at the points of a rule and nowhere else: it has kinks, or reads a state that is stored there.
+pub(super) fn is_bound(law: &TermLaw, fields: &[Field]) -> bool {
+    law.degree.kinked || states_read(fields, &law.inputs).next().is_some()
+}
+
+/// The states that a law reads.
+pub(super) fn states_read<'i>(fields: &'i [Field], inputs: &'i [InputSlot]) -> impl Iterator<Item = usize> + 'i {
+    let field = |slot: &InputSlot| match slot {
+        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => Some(b.field.index()),
+        _ => None,
+    };
+    // the branches of frozen terms are numbered after the fields
+    let is_state = |k: &usize| fields.get(*k).is_some_and(|f| f.kind == FieldKind::State && f.is_at_points());
+    inputs.iter().filter_map(field).filter(is_state)
+}
+
+/// The highest degree of the fields that a law tests and depends on.
+pub(super) fn highest(law: &TermLaw, fields: &[Field]) -> Option<usize> {
+    let own = law.tests.iter().map(|t| t.field).chain(law.trials.iter().map(|t| t.field));
+    own.filter_map(|field| fields.get(field.index())).map(Field::degree).max()
 }
 
 /// The end of a facet of a plane mesh that lies where this coordinate is zero: 0 or 1.

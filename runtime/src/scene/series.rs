@@ -8,7 +8,7 @@ use super::{
     constants::numbers,
     mappings::refused,
     outputs::{CsvOutput, OutputMaker, Target},
-    states::states_read,
+    rule_choice::states_read,
 };
 use crate::{
     results::{LineSample, Located},

@@ -12,13 +12,14 @@ use std::{
 use wfl::{Code, Diagnostic, FieldKind as Declared, Span, ast::Place};
 use wfl_compiler::{
     ValueLaw, compile_value,
-    types::{FieldKind, InputSlot, PlaceSig},
+    types::{InputSlot, PlaceSig},
 };
 
 use super::{
     Builder, Parts, RuleChoice,
     fields::{global_place, place_sig, support},
     mappings::{Through, fields_there},
+    rule_choice::states_read,
     terms::{self, PlacedLaw, Rules},
 };
 use crate::{
@@ -236,17 +237,6 @@ fn nodes_of(mesh: &Mesh, state: &Field, domain: &Domain) -> Vec<u32> {
     let FieldSpace::Points(space) = &state.space else { return Vec::new() };
     let of = |group| space.tabulate(mesh.dim(), group).map(|(_, nodes)| nodes);
     domain.groups.iter().filter_map(of).flatten().collect()
-}
-
-/// The states that a law reads.
-pub(super) fn states_read<'i>(fields: &'i [Field], inputs: &'i [InputSlot]) -> impl Iterator<Item = usize> + 'i {
-    let field = |slot: &InputSlot| match slot {
-        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => Some(b.field.index()),
-        _ => None,
-    };
-    // the branches of frozen terms are numbered after the fields
-    let is_state = |k: &usize| fields.get(*k).is_some_and(|f| f.kind == FieldKind::State && f.is_at_points());
-    inputs.iter().filter_map(field).filter(is_state)
 }
 
 /// The degree of the rule that means over an entity are taken with.

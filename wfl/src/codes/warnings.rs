@@ -11,7 +11,7 @@ pages! {
          are kept. Where the sides can still slide and friction needs the normal traction, the traction of the nearest \
          node where it is determined is used. An augmented Lagrangian acts as a penalty of stiffness gamma at dropped \
          nodes. `with crosspoints=keep` keeps all components. Nodes at the end of a crack, where both sides are one \
-         node, give no warning: `wfl check` counts them.",
+         node, are counted by `wfl check`; W680 tells of those of a closed crack.",
         "multiplier l : vector on fault\nfix uL, uR = [0,0,0] on boundary\n\
          term glue on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l",
         "multiplier l : vector on fault with crosspoints=keep\nfix uL, uR = [0,0,0] on boundary\n\
@@ -636,8 +636,9 @@ pages! {
         W650,
         "a balance that does not close",
         "`balance` adds the equations of unknowns. What came in, did not go out and was not taken up is lost: the equations \
-         were not solved to 1e-8 of what moves. A tolerance of Newton's method that is too large, a step that did not \
-         converge, or a mapping some of whose points have no image can be the cause.",
+         were not solved to 1e-8 of what moves, between the nodes too, in a scene with rates during the whole run. A tolerance \
+         of Newton's method that is too large, a step that did not converge, or a mapping some of whose points have no image \
+         can be the cause.",
         "solver newton with tol=1e-3",
         "solver newton with tol=1e-10",
     ),
@@ -662,6 +663,17 @@ pages! {
          that helps.",
         "mapping m = raytrace from arc onto top moving with u within 0.01",
         "mapping m = raytrace from arc onto top moving with u within 0.3",
+    ),
+    page(
+        W680,
+        "a multiplier at the end of a closed crack",
+        "Where a crack ends inside a body both sides are one node: there is no jump, the equation of a continuous multiplier \
+         is empty there, and its value is left out, zero. The traction of a crack that is closed there is not zero, and on the \
+         faces beside the end the multiplier is wrong by as much; a finer mesh only makes these faces smaller. One value a \
+         face (`DP0`) has no such node, and is stable beside displacements of degree two. Nothing is told of a crack that is \
+         open at its ends, where the traction is zero.",
+        "unknown u : vector P2\nsplit u across crack\nmultiplier l : scalar P1 on crack",
+        "unknown u : vector P2\nsplit u across crack\nmultiplier l : scalar DP0 on crack",
     ),
     page(
         W702,

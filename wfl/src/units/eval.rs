@@ -53,6 +53,8 @@ pub(super) struct Pass<'s> {
     pub(super) solved: Solved,
     /// Units of params, fields, measures and outputs.
     pub(super) units: BTreeMap<&'s str, Value>,
+    /// By unknown the unit of its equations, which reactions and balances add up; where it is known.
+    pub(super) forces: BTreeMap<String, Unit>,
     pub(super) equations: Vec<Equation>,
     pub(super) diagnostics: Vec<Diagnostic>,
     /// In a statement where a plain number takes the unit that is needed.
@@ -64,7 +66,8 @@ pub(super) struct Pass<'s> {
 impl<'s> Pass<'s> {
     pub(super) fn new(scene: &'s Scene<'s>, solved: Solved) -> Self {
         let (units, equations, diagnostics) = (BTreeMap::new(), Vec::new(), Vec::new());
-        Self { scene, solved, units, equations, diagnostics, plain: false, located: false }
+        let forces = BTreeMap::new();
+        Self { scene, solved, units, forces, equations, diagnostics, plain: false, located: false }
     }
 
     pub(super) fn length(&self) -> Unit {

@@ -23,6 +23,8 @@ struct Total {
     at: Span,
     /// Of a part whose own unit is not all known.
     soft: bool,
+    /// Terms do not fit, which was told.
+    told: bool,
 }
 
 impl<'s> Pass<'s> {
@@ -213,7 +215,7 @@ impl<'s> Pass<'s> {
                 let at = self.scene.outer(&term.expr);
                 for (test, unit) in self.residuals(term, &value) {
                     if let Some(unit) = size.as_ref().and_then(|s| s.times(&unit)) {
-                        self.add_to(&mut totals, Total { test, unit, at, soft: value.soft }, &term.expr);
+                        self.add_to(&mut totals, Total { test, unit, at, soft: value.soft, told: false }, &term.expr);
                     }
                 }
             }
@@ -223,6 +225,8 @@ impl<'s> Pass<'s> {
             self.load(load, &mut totals);
         }
         self.plain = false;
+        let known = totals.into_iter().filter(|total| !total.soft && !total.told && !total.unit.is_open());
+        self.forces.extend(known.map(|total| (total.test, total.unit)));
     }
 
     fn load(&mut self, load: &Condition, totals: &mut Vec<Total>) {
@@ -233,7 +237,7 @@ impl<'s> Pass<'s> {
             for target in &load.targets {
                 if let Some(unit) = self.size_of(place).and_then(|s| s.times(&unit)) {
                     let test = target.field.name.clone();
-                    self.add_to(totals, Total { test, unit, at, soft: value.soft }, &load.value);
+                    self.add_to(totals, Total { test, unit, at, soft: value.soft, told: false }, &load.value);
                 }
             }
         }
@@ -267,9 +271,10 @@ impl<'s> Pass<'s> {
             false => self.fits(part.at, &part.unit, &first.unit, true),
         };
         if !fits {
+            first.told = true;
             self.differ(first, &part.unit, part.at, owner);
         } else if first.soft && !part.soft || first.unit.is_open() && !part.unit.is_open() {
-            *first = Total { at: first.at, ..part };
+            *first = Total { at: first.at, told: first.told, ..part };
         }
     }
 
@@ -284,11 +289,31 @@ impl<'s> Pass<'s> {
         let size = match measure.reduction {
             Reduction::Integral => measure.places.first().and_then(|p| self.size_of(p)),
             Reduction::Mean | Reduction::Max | Reduction::Min | Reduction::Value => Some(Unit::pure()),
-            // that of the equations of the field, which the terms have together
-            Reduction::Reaction | Reduction::Balance(_) => None,
+            Reduction::Reaction => self.per_unknown(&measure.expr),
+            Reduction::Balance(_) => self.of_balance(measure),
         };
-        let value = value.map(|u| size.as_ref().and_then(|s| s.times(u)));
+        let value = match measure.reduction {
+            // what is added up are the equations alone
+            Reduction::Balance(_) => size.map_or_else(Value::lost, |unit| Value::of(Some(unit))),
+            Reduction::Reaction if size.is_none() => Value::lost(),
+            _ => value.map(|u| size.as_ref().and_then(|s| s.times(u))),
+        };
         self.units.entry(&measure.name.name).or_insert(value);
+    }
+
+    /// The unit of the equations of the unknown in a reaction, over that of the unknown: `reaction(u(1))` is a force,
+    /// `reaction(x*u(2))` a moment.
+    fn per_unknown(&self, e: &Expr) -> Option<Unit> {
+        let mut roots = Vec::new();
+        each_name(e, &mut |word| roots.push(split_prefixes(word).1.to_owned()));
+        let (name, force) = roots.iter().find_map(|root| Some((root, self.forces.get(root)?)))?;
+        force.over(self.units.get(name.as_str())?.unit()?)
+    }
+
+    /// The unit of the equations that a balance adds up: that of the first one which is known.
+    fn of_balance(&self, measure: &Measure) -> Option<Unit> {
+        let balance = self.scene.script.balances.iter().find(|b| b.span == measure.span)?;
+        balance.fields.iter().find_map(|field| self.forces.get(&field.name)).cloned()
     }
 
     fn measures(&mut self) {

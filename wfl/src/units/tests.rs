@@ -214,6 +214,25 @@ fn terms_of_a_mixed_problem_are_compared_by_test_function() {
 }
 
 #[test]
+fn reactions_and_balances_have_the_unit_of_their_equations() {
+    let with = |lines: &str| found(&scene(&format!("fix u = [0,0] on west\n{lines}")));
+    for (measured, right, wrong) in [
+        ("measure r = reaction(u(1)) on west\n", "r < s*l", "r < s"),
+        ("measure r = reaction(x*u(2)) on west\n", "r < s*l^2", "r < s*l"),
+        ("measure r = reaction(u(1)) on west\nmeasure g = r/l\n", "g < s", "g < s*l"),
+        ("measure g = reaction(u(1))/l on west\n", "g < s", "g < s*l"),
+        ("balance fluid of p\n", "fluid_lost < l^2", "fluid_lost < l"),
+    ] {
+        assert_eq!(with(&format!("{measured}expect {right}")), [""; 0], "{right}");
+        let all = with(&format!("{measured}expect {wrong}"));
+        assert!(all.len() == 1 && all[0].starts_with("E501"), "{wrong}: {all:#?}");
+    }
+    // where the terms do not fit, that is told, and nothing of what they add up to
+    let all = with("load u = [s, 0] on all\nmeasure r = reaction(u(1)) on west\nexpect r < s");
+    assert!(all.len() == 1 && all[0].starts_with("W505"), "{all:#?}");
+}
+
+#[test]
 fn an_energy_is_differentiated_by_its_unknowns() {
     assert_eq!(found(&scene("energy more on all : s/2*eps:eps")), [""; 0]);
     let all = found(&scene("energy more on all : s*l/2*eps:eps"));

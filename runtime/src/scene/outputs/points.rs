@@ -11,7 +11,8 @@ use crate::{
     mesh::SupportSet,
     scene::{
         mappings::{Through, fields_there, refused},
-        states::{points_of_entities, states_read},
+        rule_choice::states_read,
+        states::points_of_entities,
         terms::{RuleChoice, domain},
     },
 };

@@ -215,7 +215,8 @@ read the traction of the body (Nitsche's method): the nodes of a quadrilateral s
 be about four times as large, and below it results are wrong or not there (rows of theta = 0 below). On quadrilateral faces of
 degree 1 and 2 each point has the integral of its basis function times the area vector (normal times measure), so that a
 constant stress passes exactly also where faces are no parallelograms or not plane (`tests/tests/patch.rs`). Loads on the
-same faces keep a rule of their own degree. `quadrature on ... degree n` sets another rule. Nitsche's method needs a larger
+same faces keep a rule of their own degree, and so do terms without kinks whose fields have a higher degree than those of the
+contact. `quadrature on ... degree n` sets another rule. Nitsche's method needs a larger
 gamma with one point a node than under a Gauss rule: W503 and `gamma = auto` have the smallest safe value for the rule.
 
 Faces of cells of second order keep a Gauss rule of the degree of the term and 2 more, and so do terms through a mapping: the
