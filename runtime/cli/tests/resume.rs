@@ -130,7 +130,7 @@ steps t = STEPS
 measure slid = mean(a(1)) on sole
 output vtk "u" : a, Dot_a as velocity
 "#;
-    for (kind, steps) in [("raytrace", "0 to 1 by 0.02"), ("project", "0 to 1 by auto with error=3e-5")] {
+    for (kind, steps) in [("raytrace", "0 to 0.6 by 0.02"), ("project", "0 to 1 by auto with error=3e-5")] {
         let folder = Folder::new(&format!("killed-{kind}"));
         let scene = folder.0.join("slides.wfl");
         let name = if kind == "project" { "closest" } else { "sliding" };

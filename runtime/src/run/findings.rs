@@ -265,7 +265,7 @@ fn bad_measures(run: &Run) -> Vec<Diagnostic> {
 /// W680 in the last state.
 fn closed_tips(run: &Ended<'_>) -> Vec<Diagnostic> {
     let time = run.run.steps.last().map_or(0.0, |s| s.time);
-    scene::closed_tips(run.scene, time, &run.run.u).into_iter().collect()
+    scene::closed_tips(run.scene, time, &run.run.u)
 }
 
 /// W650.

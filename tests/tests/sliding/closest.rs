@@ -394,6 +394,22 @@ fn a_shrink_fit_on_closest_points_has_the_pressure_of_lame() {
     }
 }
 
+/// A slot closes on itself with closest points, its ends at right angles too, with the force of GetFEM's rays but for the mesh.
+#[test]
+fn a_slot_closes_on_closest_points() {
+    let text = std::fs::read_to_string(examples().join("sliding/slot.wfl")).expect("an example");
+    let text = text
+        .replace("raytrace", "project")
+        .replace("steps k = 0 to 20", "steps k = 0 to 12")
+        .replace("\nexpect", "\n# expect");
+    let found = solve(&examples().join("sliding"), text, &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(found.outcome.converged(), "{:?}", doubts(&found.outcome));
+    let (own, of_getfem) = (measure(&found, "Fy"), numbers(&reference("sliding_slot.json")["Fy"]));
+    for (k, force) in own[1..].iter().enumerate() {
+        assert!((force / of_getfem[k] - 1.0).abs() < 0.01, "step {}: {force} {}", k + 1, of_getfem[k]);
+    }
+}
+
 /// A body that is pushed over the edge of the other one: rays are lost there, and the message names what keeps images.
 #[test]
 fn a_block_over_the_edge_keeps_its_images() {

@@ -6,6 +6,7 @@ mod closest;
 mod dynamics;
 mod judged;
 mod pattern;
+mod scenes;
 
 use std::path::Path;
 

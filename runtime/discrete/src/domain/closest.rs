@@ -2,7 +2,7 @@
 //!
 //! Over each part of a face (itself, its edges, its corners) the distance is made stationary with Newton's method; the nearest
 //! stationary point that lies on its part and is a minimum there is the closest point of the face. Of the faces that oppose
-//! the normal of the point (`n . n_y < 0`) the nearest within `reach` counts, of equally near ones the first. The image
+//! the normal of the point there, within 60 degrees, the nearest within `reach` counts, of equally near ones the first. The image
 //! shifts with the matrix `C = B A^-1 B'`, where `B` are the tangents of the part in the reference placement: of rank 2, 1
 //! (an edge) or 0 (a corner) in space. Promises: no memory of earlier images.
 
@@ -14,6 +14,9 @@ use super::{
 };
 use wfl_mesh::mesh::{CellKind, Mesh};
 
+/// A face opposes the normal of a point where theirs has a smaller product with it. Sides that meet at a right angle do not: their
+/// closest point would be the corner, at no distance along the normal, for a little less than that angle, and none for more.
+const OPPOSED: f64 = -0.5;
 /// A step is halved while it leads further away.
 const HALVINGS: usize = 20;
 
@@ -142,7 +145,8 @@ impl Targets {
     /// Whether a face opposes the normal of a point at its closest point, and lies no further behind the point than it may.
     fn opposes(&self, mesh: &Mesh, target: &Target, u: &[f64], foot: &Foot, ray: &Ray) -> bool {
         let at = self.place(mesh, target, u, &self.tables(mesh, target, foot.p, 1));
-        at.outward.is_some_and(|outward| outward.dot(&ray.n) < 0.0) && (ray.x - at.y).dot(&ray.n) <= ray.back
+        at.outward.is_some_and(|outward| outward.dot(&ray.n) < OPPOSED * outward.norm())
+            && (ray.x - at.y).dot(&ray.n) <= ray.back
     }
 
     /// The closest point of a face. Its edges are looked at where the face itself has none, or one further away than some
