@@ -194,9 +194,13 @@ fn example(path: &str, edits: &[(&str, String)]) -> Result<Option<Both>, String>
 
 /// Smaller than they are, so that all fit in a suite.
 fn smaller() -> Vec<(&'static str, String)> {
-    [("cells [8, 8, 8]", "cells [4, 4, 4]"), ("param years = 200", "param years = 2")]
-        .map(|(a, b)| (a, b.to_owned()))
-        .into()
+    let edits = [
+        ("cells [8, 8, 8]", "cells [4, 4, 4]"),
+        ("param years = 200", "param years = 2"),
+        ("steps t = 0 to 3.3*hertz/v by auto", "steps t = 0 to 0.1*hertz/v by auto"),
+        ("steps t = 0 to 7.9 by auto", "steps t = 0 to 0.4 by auto"),
+    ];
+    edits.map(|(a, b)| (a, b.to_owned())).into()
 }
 
 #[test]
@@ -463,4 +467,21 @@ fn friction_on_a_fault_is_found_from_displacements() {
     let error = b.iter().zip(&truth).map(|(b, t)| (b - t).abs()).fold(0.0, f64::max);
     let met = misfit(&found.0);
     assert!(runs <= 50 && met < 96.0 && error < 0.05, "{runs} runs, misfit {met}, error {error}: {b:?}");
+}
+
+/// A value of a field that nothing acts through has no influence, and that is told.
+#[test]
+fn values_without_influence_are_counted() {
+    let scene = "wfl 1\nmesh box [0] to [2] cells [4]\nregion soft = cells where x < 1\nregion stiff = cells where x > 1\n\
+                 region left = faces where x == 0\nunknown u : scalar\ndata k : scalar = 2\n\
+                 term soft on soft : k*Grad_u.Grad_Test_u\nterm stiff on stiff : 9*Grad_u.Grad_Test_u\nfix u = 0 on left\n\
+                 load u = 1 on all\nmeasure top = max(u) on all\n";
+    let request = Request::read("top", "field k").expect("names");
+    let of = |of: Differentiated<'_>| gradients(of, &request);
+    let (_, found) = ran((Path::new("."), scene.to_owned()), &[], &[], of).unwrap_or_else(|e| panic!("{e}"));
+    assert!(
+        found.notes.iter().any(|note| note.starts_with("`k` has no influence at 2 of 5 nodes")),
+        "{:?}",
+        found.notes
+    );
 }

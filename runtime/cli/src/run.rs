@@ -45,7 +45,8 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         return ExitCode::from(EXIT_ERROR);
     }
     let Some(request) = gradient::request(args, team.is_some()) else { return ExitCode::from(EXIT_ERROR) };
-    let Some(mut loaded) = load_with_knobs(&args.scene.scene, &args.scene.overrides, "run") else {
+    let loaded = load_with_knobs(&args.scene.scene, &args.scene.overrides, "run");
+    let Some(mut loaded) = loaded.filter(|l| gradient::may_state(l, args.resume, team.is_some())) else {
         return ExitCode::from(EXIT_ERROR);
     };
     let parse_seconds = (started.elapsed() - started_in).as_secs_f64();
@@ -53,9 +54,6 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
     let Some(backend) = backend(args.interpret) else { return ExitCode::from(EXIT_ERROR) };
     if let Some(team) = team {
         drop(preparing);
-        if !gradient::may_state(&loaded, args.resume, true) {
-            return ExitCode::from(EXIT_ERROR);
-        }
         return ranks::run(args, running, &team, loaded, &*backend, ranks::Begun { parse_seconds, started });
     }
     // for an accuracy the scene as it stands is looked at and not run
@@ -74,7 +72,7 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
         return ExitCode::from(EXIT_ERROR);
     }
     let scene = shaped(args, scene);
-    if !gradient::may_state(&loaded, args.resume, false) || !may_do_more(args, &loaded, &scene, request.as_ref()) {
+    if !may_do_more(args, &loaded, &scene, request.as_ref()) {
         return ExitCode::from(EXIT_ERROR);
     }
     let ready = checked(args, &mut loaded, &scene)

@@ -3,7 +3,10 @@
 
 use wfl::{
     Source, SourceId, SourceMap, Span,
-    ast::{AtSteps, BoxDivision, Domain, MappingKind, MeasureAt, Place, QuadratureRule, Rank, Target, TargetPart},
+    ast::{
+        AtSteps, BoxDivision, Domain, Gradients, MappingKind, MeasureAt, Place, QuadratureRule, Rank, Target,
+        TargetPart,
+    },
     ast::{Cond, Expr, Ident, Item, ItemKind, MacroDef, MeshSource, OptionItem, OptionValue, RegionExpr, Space},
     cond_children, each_word, split_prefixes,
 };
@@ -409,20 +412,7 @@ impl<'a> Reader<'a> {
                 self.cond(condition);
                 self.regions(places);
             }
-            ItemKind::Gradient(of) => {
-                of.results
-                    .iter()
-                    .map(|r| &r.measure)
-                    .chain(&of.parameters)
-                    .chain(&of.fields)
-                    .for_each(|n| self.value(n));
-                for result in &of.results {
-                    if let AtSteps::At(variable, value) = &result.at {
-                        variable.iter().for_each(|n| self.value(n));
-                        self.expr(value);
-                    }
-                }
-            }
+            ItemKind::Gradient(of) => self.gradient(of),
             ItemKind::Expect(condition) => self.cond(condition),
             ItemKind::Output { every, when, items, along, at, options, .. } => {
                 self.exprs(every.iter().chain(at));
@@ -434,6 +424,16 @@ impl<'a> Reader<'a> {
                 self.options(options);
             }
             _ => {}
+        }
+    }
+
+    fn gradient(&mut self, of: &Gradients) {
+        of.results.iter().map(|r| &r.measure).chain(&of.parameters).chain(&of.fields).for_each(|n| self.value(n));
+        for result in &of.results {
+            if let AtSteps::At(variable, value) = &result.at {
+                variable.iter().for_each(|n| self.value(n));
+                self.expr(value);
+            }
         }
     }
 

@@ -111,7 +111,7 @@ impl Beginning {
     }
 
     /// What a result follows of the rates, from what it follows of what is kept: the transpose of [`Self::kept`].
-    pub(super) fn from_kept(&self, kept: &Kept, n_dofs: usize) -> AtStart {
+    pub(super) fn of_kept(&self, kept: &Kept, n_dofs: usize) -> AtStart {
         let mut made = AtStart { first: vec![0.0; n_dofs], second: vec![0.0; n_dofs] };
         for (kept, (_, dofs)) in kept.iter().zip(&self.fields) {
             let slots = if self.begins_with_rates { 4 } else { 2 };

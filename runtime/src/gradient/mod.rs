@@ -112,8 +112,22 @@ pub fn gradients(of: Differentiated<'_>, request: &Request) -> Result<Gradients,
     let live = parameters::live(of.script, of.scene, request)?;
     let mut made = adjoint::solve(of, request, &live)?;
     made.notes.extend(parameters::notes(of.script, of.scene, request, &live));
+    let silent: Vec<String> = request.fields.iter().filter_map(|f| without_influence(of.scene, &made, f)).collect();
+    made.notes.extend(silent);
     made.seconds = begin.elapsed().as_secs_f64();
     Ok(made)
+}
+
+/// How many nodes of a data field no result follows; nothing where all or none are followed.
+fn without_influence(scene: &Scene, of: &Gradients, field: &str) -> Option<String> {
+    let own = scene.system.fields.iter().find(|f| f.name == field)?;
+    let by_result: Vec<&Vec<f64>> =
+        of.results.iter().filter_map(|r| r.fields.iter().find(|f| f.0 == field)).map(|f| &f.1).collect();
+    let (n, stride) = (own.n_nodes(), own.n_components);
+    let is_silent = |node: &usize| by_result.iter().all(|v| v[node * stride..][..stride].iter().all(|x| *x == 0.0));
+    let silent = (0..n).filter(is_silent).count();
+    let told = || format!("`{field}` has no influence at {silent} of {n} nodes: derivatives there are exactly zero");
+    (silent > 0 && silent < n).then(told)
 }
 
 /// What measures do along directions of the parameters, at all steps.

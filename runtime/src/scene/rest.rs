@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use wfl::{
     Code, Diagnostic, FieldKind as Declared, Lost, ResolvedScript, Span, StartKind,
     ast::{
-        AtSteps, Cond, EntityKind, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionValue, Place, QuadratureRule,
+        Cond, EntityKind, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionValue, Place, QuadratureRule,
         RegionExpr, TargetPart,
     },
 };
@@ -155,14 +155,9 @@ pub(super) fn expects(
     diagnostics: &mut Vec<Diagnostic>,
 ) {
     let mut known = params.clone();
-    for measure in &script.measures {
-        let value = Constant { shape: Shape::SCALAR, values: vec![f64::NAN], declared: None };
-        known.insert(measure.name.name.clone(), value);
-    }
-    for name in script.energies() {
-        known.insert(name, Constant { shape: Shape::SCALAR, values: vec![f64::NAN], declared: None });
-    }
     let number = || Constant { shape: Shape::SCALAR, values: vec![f64::NAN], declared: None };
+    let measures = script.measures.iter().map(|m| m.name.name.clone());
+    known.extend(measures.chain(script.energies()).map(|name| (name, number())));
     let mut in_steps = known.clone();
     in_steps.extend(script.steps.iter().map(|s| (s.variable.name.clone(), number())));
     let watched = script.steps.iter().flat_map(|s| &s.watched).map(|m| m.name.name.clone());
@@ -195,16 +190,10 @@ pub(super) fn expects(
     for event in &script.events {
         known.extend(wfl::Event::NUMBERS.map(|end| (format!("{}{end}", event.name.name), number())));
     }
-    for gradient in &script.gradients {
-        for result in &gradient.results {
-            if let AtSteps::At(_, value) = &result.at {
-                diagnostics.extend(
-                    constant(&bare_env(script, dim, params), "a value of the step variable", value).diagnostics,
-                );
-            }
-        }
-    }
     known.extend(derivatives(script, params));
+    let values = script.gradients.iter().flat_map(|g| &g.results).filter_map(|r| r.at.value());
+    let of_values = |e| constant(&bare_env(script, dim, params), "a value of the step variable", e).diagnostics;
+    diagnostics.extend(values.flat_map(of_values).collect::<Vec<_>>());
     let env = bare_env(script, dim, &known);
     for expect in &script.expects {
         let told = check_condition(&env, &global_place(0), &expect.condition);

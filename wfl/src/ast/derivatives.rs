@@ -37,3 +37,14 @@ pub enum AtSteps {
     /// At the step that ends at a value of the step variable, whose name may stand before it.
     At(Option<Ident>, Expr),
 }
+
+impl AtSteps {
+    /// The value of the step variable, where there is one.
+    #[must_use]
+    pub fn value(&self) -> Option<&Expr> {
+        match self {
+            AtSteps::At(_, value) => Some(value),
+            _ => None,
+        }
+    }
+}

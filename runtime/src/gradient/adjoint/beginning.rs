@@ -27,9 +27,9 @@ impl Backwards<'_, '_> {
         let n_dofs = start.u.len();
         if let Some(explicit) = self.standing.solving.explicit.clone() {
             self.of_explicit_start(&explicit, start, sum)?;
-            return self.of_given_rates(&beginning.from_kept(&start.kept, n_dofs), sum);
+            return self.of_given_rates(&beginning.of_kept(&start.kept, n_dofs), sum);
         }
-        let mut rates = beginning.from_kept(&start.kept, n_dofs);
+        let mut rates = beginning.of_kept(&start.kept, n_dofs);
         let highest = beginning.of_highest(&rates);
         let numbering = &self.standing.solving.system.numbering;
         let adjoint = beginning.highest(numbering, &highest, true)?;
@@ -42,7 +42,7 @@ impl Backwards<'_, '_> {
             add(&mut start.u, &moved.u);
             start.known.iter_mut().zip(&moved.known).for_each(|(to, from)| add(to, from));
         }
-        let of_equations = beginning.from_kept(&past.kept, n_dofs);
+        let of_equations = beginning.of_kept(&past.kept, n_dofs);
         add(&mut rates.first, &of_equations.first);
         add(&mut rates.second, &of_equations.second);
         let numbering = &self.standing.solving.system.numbering;
