@@ -23,8 +23,9 @@ enum Contact {
     /// Images that stay.
     Raytrace,
     Project,
-    /// Images that follow the bodies, with friction.
+    /// Images that follow the bodies, with friction: along rays, and as closest points.
     Moving,
+    Closest,
 }
 
 impl Case {
@@ -55,11 +56,15 @@ impl Case {
                      term contact on sole : gamma*pos_part(-gap)*(Normal.(Test_a - Interpolate(Test_b, m)))\n"
                 )
             }
-            Contact::Moving => format!(
-                "mapping m = raytrace from sole onto floor moving with a, b within {within:?}\n\
-                 state elastic : vector on sole := sliding_elastic(a, b, m, elastic, gamma, fric)\n\
-                 term contact on sole : sliding_friction(a, b, m, elastic, gamma, fric)\n"
-            ),
+            Contact::Moving | Contact::Closest => {
+                let (word, macros) =
+                    if contact == Contact::Moving { ("raytrace", "sliding") } else { ("project", "closest") };
+                format!(
+                    "mapping m = {word} from sole onto floor moving with a, b within {within:?}\n\
+                     state elastic : vector on sole := {macros}_elastic(a, b, m, elastic, gamma, fric)\n\
+                     term contact on sole : {macros}_friction(a, b, m, elastic, gamma, fric)\n"
+                )
+            }
         };
         let idle = if contact == Contact::Formula { "" } else { "term lower on lower : P(Grad_b):Grad_Test_b\n" };
         let below = if contact == Contact::Formula {
@@ -111,7 +116,7 @@ fn forces(case: Case, offset: f64, h: f64) -> Vec<[f64; 2]> {
 fn a_translation_of_the_mesh_changes_no_force_and_is_no_reason_to_doubt() {
     let shapes = [(2, "quad", "Q2"), (2, "tri", "P1"), (3, "hex", "Q1"), (3, "tet", "P1")];
     for (dim, shape, element) in shapes {
-        for contact in [Contact::Formula, Contact::Raytrace, Contact::Project, Contact::Moving] {
+        for contact in [Contact::Formula, Contact::Raytrace, Contact::Project, Contact::Moving, Contact::Closest] {
             let case = Case { dim, shape, element, contact };
             let near = forces(case, 0.0, 1.0);
             assert!(near[1][0].abs() > 1e-3, "{case:?}: {near:?}");
