@@ -190,3 +190,42 @@ fn what_cannot_be_done_with_these_cells_is_told() {
     let short = SOLIDS.replace("3 1 7 15\n", "3 1 19 15\n");
     refused(&short, rest, &["pyramid with 13 nodes (Gmsh type 19)", "`Mesh.SecondOrderIncomplete = 0`"]);
 }
+
+/// Laws of finite strain, whose stresses cancel beside 1 where strains are small: F - F^-T, F'F - Id.
+const CANCEL: [&str; 2] = [
+    "(mu*(F - Inv(F)') + la*log(Det(F))*Inv(F)'):Grad_Test_u",
+    "(F*(0.5*la*Trace(F'*F - Id(2))*Id(2) + mu*(F'*F - Id(2)))):Grad_Test_u",
+];
+
+/// Loads far below the moduli, where the strain has fewer digits than the tolerance asks for: a run ends at what rounding
+/// leaves, with the displacement of linear elasticity to the digits that it tells.
+#[test]
+fn small_strains_of_laws_of_finite_strain_have_the_digits_that_are_told() {
+    let solved = |law: &str, load: f64, stiff: f64| {
+        let text = format!(
+            "mesh box [0,0] to [2,1] cells [8,4] quad\nregion left = faces where x == 0\nregion right = faces where x == 2\n\
+             param mu = 0.4\nparam la = 0.6\nunknown u : vector Q2\ndef F = Id(2) + Grad_u\ndef k = if x < 1 then {stiff:?} else 1\n\
+             def e(v) = Sym(Grad_v)\ndef linear = (la*Trace(e(u))*Id(2) + 2*mu*e(u)):Grad_Test_u\n\
+             term body on all : k*({law})\nfix u = [0,0] on left\nload u = [{load:?}, {:?}] on right\n\
+             measure sag = mean(u(2)) on right\n",
+            0.3 * load
+        );
+        solve(&examples(), text, &[], &[]).unwrap_or_else(|e| panic!("{law} {load} {stiff}: {e}"))
+    };
+    for law in CANCEL {
+        for stiff in [1.0, 1e3, 1e6] {
+            for load in [1e-4, 1e-6, 1e-8, 1e-10] {
+                let found = solved(law, load, stiff);
+                assert!(found.outcome.converged(), "{law} {load} {stiff}");
+                let step = &found.outcome.steps[0];
+                assert!(step.iterations() < 20, "{law} {load} {stiff}: {} iterations", step.iterations());
+                let exact = solved("linear", load, stiff).measure(0, "sag");
+                let apart = (found.measure(0, "sag") - exact).abs() / exact.abs();
+                // beside the digits the law differs from linear elasticity by about the strain
+                let digits = step.accuracy.as_ref().map_or(0.0, wfl_runtime::checks::Accuracy::digits);
+                let bound = 10f64.powf(-digits) * 10.0 + 100.0 * load;
+                assert!(apart <= bound, "{law} {load} {stiff}: {apart:e} apart, {digits} digits told");
+            }
+        }
+    }
+}

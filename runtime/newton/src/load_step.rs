@@ -173,13 +173,37 @@ impl LoadStep<'_> {
         let written = system.residual(u, &self.form())?;
         let mut sizes = system.sizes(u, &written, self.tangent);
         let positions = system.sizes_of_positions(self.tangent);
-        let Scales { scales, loaded, no_force } = self.scales(u, &written, [&sizes, &positions])?;
+        let scales = self.scales(u, &written, [&sizes, &positions])?;
         // of scales they are no part: what rounds there is no force
         sizes.iter_mut().zip(positions).for_each(|(size, position)| *size += position);
         let summands = system.summands(u, &written);
         // against a scale without bound every residual is small
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
         system.check_finite("sum of the sizes of summands", &summands, u)?;
+        sizes.iter_mut().zip(&summands).for_each(|(size, summand)| *size += summand);
+        let is_multiplier = |k: usize| system.fields[k].kind == FieldKind::Multiplier;
+        let mut all = self.field_measures(u, &written, [&sizes, &summands], &scales);
+        let mut settled = all.are_settled(is_multiplier, self.options.tolerance);
+        if !settled && self.may_cancel(u, &written, &sizes) {
+            sizes.iter_mut().zip(system.cancelled(u, &written)).for_each(|(size, inside)| *size = size.max(inside));
+            all = self.field_measures(u, &written, [&sizes, &summands], &scales);
+            settled = all.are_settled(is_multiplier, self.options.tolerance);
+        }
+        let (relative, floor, no_force) = (all.relative(), all.floor(), scales.no_force);
+        let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
+        let residual = if norm.frozen {
+            system.frozen_residual(&written, u, self.contact.active_set())?
+        } else {
+            written.values.clone()
+        };
+        let norm = self.weighted_norm(&residual, norm);
+        Ok(Measured { residual, written, summands, relative, floor, settled, no_force, norm, rounding })
+    }
+
+    /// Residuals by field beside their scales and what rounding leaves: of what cancels by dof, and of the summands of single
+    /// equations.
+    fn field_measures(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 2], of: &Scales) -> FieldMeasures {
+        let (system, [sizes, summands]) = (self.system, sizes);
         let mut all = FieldMeasures::new(system.fields.len());
         let faces_alone = self.contact.is_empty() && !system.has_nonlinear_bodies();
         let mut unknowns = system.largest_by_field(u);
@@ -189,38 +213,43 @@ impl LoadStep<'_> {
             let rounding = FLOOR_FACTOR * roundoff(unknowns[field]);
             let is_free = |d: &usize| system.numbering.free[*d] != FIXED;
             if system.has_single_equations(field) {
-                let mut equations = Vec::new();
-                for d in range.filter(is_free) {
-                    sizes[d] += summands[d];
-                    equations.push([written.values[d].abs(), summands[d], rounding * sizes[d]]);
-                }
+                let equation = |d: usize| [written.values[d].abs(), summands[d], rounding * sizes[d]];
+                let equations: Vec<[f64; 3]> = range.filter(is_free).map(equation).collect();
                 all.add_equations(field, &equations, self.options.tolerance);
             } else {
-                range.clone().zip(summands.get(range.clone()).unwrap_or_default()).for_each(|(d, s)| sizes[d] += s);
                 let cancelled = largest_of(range.clone().map(|d| sizes[d]));
                 let largest = largest_of(range.clone().filter(is_free).map(|d| written.values[d]));
                 let kept = range.map(|d| written.linear_sizes[d]);
                 // loads are known exactly: a state so far away that they are rounding beside it balances none of them
-                let kept = match (loaded[field], faces_alone) {
+                let kept = match (of.loaded[field], faces_alone) {
                     (true, _) => 0.0,
                     (false, true) => rounding * largest_of(kept),
                     (false, false) => f64::INFINITY,
                 };
-                all.add_forces(system.alike(field), largest, scales[field], [rounding * cancelled, kept]);
+                all.add_forces(system.alike(field), largest, of.scales[field], [rounding * cancelled, kept]);
             }
         }
         all.of_all(system.team());
-        let is_multiplier = |k: usize| system.fields[k].kind == FieldKind::Multiplier;
-        let settled = all.are_settled(is_multiplier, self.options.tolerance);
-        let (relative, floor) = (all.relative(), all.floor());
-        let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
-        let residual = if norm.frozen {
-            system.frozen_residual(&written, u, self.contact.active_set())?
-        } else {
-            written.values.clone()
-        };
-        let norm = self.weighted_norm(&residual, norm);
-        Ok(Measured { residual, written, summands, relative, floor, settled, no_force, norm, rounding })
+        all
+    }
+
+    /// Whether what is left may be what cancels inside the laws of bodies: of a gradient beside 1, as in `F - Inv(F)'`, the
+    /// rounding is that of 1, and forces of a small strain are known no better than the stiffness over the extent. To find how
+    /// much that is takes another evaluation of all laws.
+    fn may_cancel(&self, u: &[f64], written: &Residual, sizes: &[f64]) -> bool {
+        let system = self.system;
+        if !system.has_nonlinear_bodies() {
+            return false;
+        }
+        let (cancels, moved) = (system.largest_of_groups(sizes), system.largest_of_groups(u));
+        let free: Vec<f64> =
+            (0..u.len()).map(|d| if system.numbering.free[d] == FIXED { 0.0 } else { written.values[d] }).collect();
+        let left = system.largest_of_groups(&free);
+        let is_force = |k: &usize| system.range(*k).is_some() && !system.has_single_equations(*k);
+        (0..system.fields.len()).filter(is_force).all(|k| {
+            let strained = if moved[k] > 0.0 { cancels[k] / moved[k] * system.extent() } else { 0.0 };
+            left[k] <= FLOOR_FACTOR * f64::EPSILON * strained.max(cancels[k])
+        })
     }
 
     /// By field what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether

@@ -5,6 +5,10 @@ use wfl_compiler::types::{FieldKind, Side};
 use super::{FIXED, LinearTerms, Residual, System, Tangent};
 use crate::{assemble::AssembledTerm, field::Field, finite::largest};
 
+/// Where unknowns are below this part of the extent of the mesh, what cancels inside the laws of bodies is asked for: above,
+/// it takes no more than three digits of sixteen.
+const SMALL: f64 = 1e-3;
+
 impl System {
     /// By field: what relative residuals are relative to. For unknowns the largest nodal force of loads, linear or
     /// nonlinear terms, of all fields that meet on an interface (a body that nothing touches has no force of its own);
@@ -70,6 +74,12 @@ impl System {
             sizes.iter_mut().zip(&here.linear_sizes).for_each(|(s, linear)| *s -= linear);
         }
         sizes.iter_mut().for_each(|s| *s = f64::EPSILON * s.max(0.0));
+        // of a small strain beside 1 the rounding is that of 1
+        let is_small = |u: &[f64]| self.team().largest(largest(u.iter().copied())) < SMALL * self.extent();
+        if self.has_nonlinear_bodies() && is_small(u) {
+            let inside = self.cancelled(u, here).into_iter().zip(&here.linear_sizes).map(|(all, linear)| all - linear);
+            sizes.iter_mut().zip(inside).for_each(|(s, inside)| *s += f64::EPSILON * inside);
+        }
         let positions = self.sizes_of_positions(tangent);
         sizes.iter_mut().zip(positions).for_each(|(s, size)| *s += f64::EPSILON * size);
         sizes
