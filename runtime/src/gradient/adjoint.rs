@@ -102,7 +102,7 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     let mut extended = Extended::new(scene, script, live.to_vec());
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
     let laws = Laws::new(&extended, script, std::mem::take(&mut asked.laws), backend)?;
-    let kinks = Kinks::new(&extended, script, &asked.weighed, backend)?;
+    let kinks = Kinks::new(&extended, script, asked.weighed.iter().map(|w| w.measure), backend)?;
     let n_entries = extended.n_entries;
     let mut run = Backwards {
         formulas: Formulas::new(&extended, script)?,

@@ -132,7 +132,7 @@ pub(super) fn solve(
     let mut extended = Extended::new(scene, script, live.to_vec());
     // the laws of adjoints are not needed, but what they refuse is
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
-    let kinks = Kinks::new(&extended, script, &asked.weighed, backend)?;
+    let kinks = Kinks::new(&extended, script, asked.weighed.iter().map(|w| w.measure), backend)?;
     let mut run = Forwards {
         formulas: Formulas::new(&extended, script)?,
         of,

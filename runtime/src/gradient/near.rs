@@ -8,7 +8,7 @@ use wfl_compiler::{
     Constant, KinkKind, KinkSides, backend::KernelBackend, compile_kink_sides, compile_value_kink_sides,
 };
 
-use super::{extended::Extended, laws::update_of, measures::Weighed, refused::not_made};
+use super::{extended::Extended, laws::update_of, refused::not_made};
 use crate::{
     Scene,
     assemble::FieldValues,
@@ -87,7 +87,7 @@ impl Kinks {
     pub(super) fn new(
         extended: &Extended<'_>,
         script: &ResolvedScript,
-        weighed: &[Weighed],
+        measures: impl Iterator<Item = usize>,
         backend: &dyn KernelBackend,
     ) -> Result<Self, Box<Diagnostic>> {
         let scene: &Scene = extended.scene;
@@ -109,7 +109,7 @@ impl Kinks {
                 found.push(((name.clone(), scene.place_of_field(name)), None, &sampled.domain, sides));
             }
         }
-        for k in weighed.iter().map(|w| w.measure).collect::<BTreeSet<usize>>() {
+        for k in measures.collect::<BTreeSet<usize>>() {
             let (measure, declared) = extended.measures[k];
             for (value, sampled) in measure.at_points().map_or(&[][..], |(_, parts)| parts) {
                 let place = extended.place(&sampled.domain, value.law.mapping.is_some());
