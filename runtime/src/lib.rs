@@ -48,7 +48,7 @@ pub use scene::{
     ON_ANY_CELLS, OpenRim, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RimOfField, RuleChoice,
     SampleAt, Samples, Sampling, Scene, SceneBox, ScenePart, Sketch, Solving, Source, StateAt, StateUpdate, StepPlace,
     Steps, TermSummary, VtkOutput, messages_without_mesh, parts, place_of_moving, prepare, prepare_keeping,
-    prepare_part, prepare_refined, prepare_sampled, without_auto,
+    prepare_part, prepare_refined, prepare_sampled, region_name, without_auto,
 };
 pub use solve::SolverMemory;
 pub use system::{

@@ -3,6 +3,10 @@
 //! Sums and products are flat lists, so a long sum is no deep tree; nesting is limited ([`crate::NESTING_LIMIT`];
 //! after macro expansion [`crate::EXPANDED_NESTING_LIMIT`]), so every walk over a tree may recurse.
 
+mod mesh;
+
+pub use mesh::{MeshFile, MeshSource, Placing};
+
 use crate::{lost::Lost, source::Span};
 
 mod derivatives;
@@ -46,29 +50,6 @@ pub enum BoxShape {
     Tet,
     /// 3-D hexahedra
     Hex,
-}
-
-/// Where a mesh comes from.
-#[derive(Clone, Debug, PartialEq)]
-pub enum MeshSource {
-    /// `box A to B cells N shape` or `box A to B size h shape`
-    Box {
-        /// One corner.
-        from: Expr,
-        /// The opposite corner.
-        to: Expr,
-        /// Cells in each direction, or one size for all.
-        division: BoxDivision,
-        /// The shape; the default is segment, quad or hex by dimension.
-        shape: Option<(BoxShape, Span)>,
-    },
-    /// `file "m.msh"`
-    File {
-        /// The path as written, relative to the scene file.
-        path: String,
-        /// Its place.
-        span: Span,
-    },
 }
 
 /// How a box is divided.

@@ -232,7 +232,7 @@ impl State {
     /// True for words that are followed by a value of its own and are no function.
     fn introduces(&self, word: &str) -> bool {
         is_keyword(word)
-            || self.is_mesh && ["box", "file", "size", "map"].contains(&word)
+            || self.is_mesh && ["box", "file", "size", "map", "about"].contains(&word)
             || self.is_output && ["every", "at"].contains(&word)
             || word == "point"
     }

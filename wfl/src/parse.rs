@@ -9,6 +9,7 @@
 mod characters;
 mod expression;
 mod habits;
+mod mesh;
 mod scan;
 mod slip;
 mod statement;

@@ -2,6 +2,7 @@
 
 mod draw;
 mod frame;
+mod zoom;
 
 use crate::{
     bars::Bar,
@@ -41,6 +42,8 @@ pub struct Chart {
     triad: Option<[[f64; 2]; 3]>,
     /// Corners of a rectangle that the axes hold, whatever is drawn.
     room: Option<[[f64; 2]; 2]>,
+    /// Its file says how wide it is on paper.
+    paper: bool,
 }
 
 impl Chart {
@@ -62,6 +65,7 @@ impl Chart {
             flat: false,
             triad: None,
             room: None,
+            paper: false,
         }
     }
 

@@ -8,6 +8,7 @@ pub struct Page {
     title: String,
     lead: String,
     sections: Vec<Section>,
+    again: Option<u32>,
 }
 
 /// A part of a page with a heading of its own.
@@ -201,13 +202,20 @@ impl Page {
     /// An empty page.
     #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
-        Page { title: title.into(), lead: String::new(), sections: Vec::new() }
+        Page { title: title.into(), lead: String::new(), sections: Vec::new(), again: None }
     }
 
     /// The sentence under the title.
     #[must_use]
     pub fn lead(mut self, text: impl Into<String>) -> Self {
         self.lead = text.into();
+        self
+    }
+
+    /// A browser loads the page again after so many seconds: its file changes.
+    #[must_use]
+    pub fn again(mut self, seconds: u32) -> Self {
+        self.again = Some(seconds);
         self
     }
 
@@ -224,8 +232,9 @@ impl Page {
     #[must_use]
     pub fn html(&self) -> String {
         let title = escape(&self.title);
+        let again = self.again.map_or_else(String::new, |s| format!("<meta http-equiv=\"refresh\" content=\"{s}\">"));
         let mut out = format!(
-            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">{again}\
              <meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n\
              <meta name=\"generator\" content=\"WFL\"><title>{title}</title>\n<style>{}{}</style></head>\n<body><main>\n\
              <h1>{title}</h1>\n<p class=\"lead\">{}</p>\n<nav>",

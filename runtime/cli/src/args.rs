@@ -11,6 +11,7 @@ use wfl_runtime::{
 
 use crate::{
     args_gradient::GradientArgs,
+    args_mesh::{MESH_HELP, MeshArgs},
     args_plot::{PLOT_HELP, PlotArgs},
     solvers::Solvers,
 };
@@ -54,6 +55,9 @@ pub(crate) enum Command {
     /// Draw a field of a run: the deformed bodies, a cut, a profile, the state of contact, as PNG or SVG
     #[command(after_help = PLOT_HELP)]
     Plot(PlotArgs),
+    /// Tell what a mesh file holds: cells, regions and their sizes, quality, contact pairs of a deck; draw it
+    #[command(after_help = MESH_HELP)]
+    Mesh(MeshArgs),
     /// Check a scene without solving it: mesh, fields, terms, linear solver
     #[command(after_help = CHECK_HELP)]
     Check(CheckArgs),
@@ -90,7 +94,8 @@ pub(crate) enum Command {
     #[command(after_help = "Example:\n  wfl completions bash > ~/.local/share/bash-completion/completions/wfl")]
     Completions(CompletionsArgs),
     /// Write a man page to standard output (a build with the feature `lsp`)
-    Man,
+    #[command(after_help = "Examples:\n  wfl man > wfl.1\n  wfl man run > wfl-run.1")]
+    Man(ManArgs),
 }
 
 const RUN_HELP: &str = "\
@@ -283,6 +288,9 @@ pub(crate) struct RunArgs {
     /// Measure the effect of each optimisation first, with two more solves for each; for the report
     #[arg(long, conflicts_with_all = ["no_prune", "accuracy"])]
     pub(crate) savings: bool,
+    /// Write a page about the run that loads itself again: measures, contact, residuals, time left [default: watch.html]
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = true, default_missing_value = "watch.html", conflicts_with = "accuracy")]
+    pub(crate) watch: Option<PathBuf>,
     /// Print errors and warnings only, and no advice on the text (W7)
     #[arg(short, long, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
@@ -472,6 +480,13 @@ pub(crate) struct LspArgs {
     /// Standard input and output
     #[arg(long)]
     pub(crate) stdio: bool,
+}
+
+/// Whose page is written.
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ManArgs {
+    /// A command of the program, such as run [default: the program itself, with the list of commands]
+    pub(crate) command: Option<String>,
 }
 
 /// Shells with completions.

@@ -19,6 +19,7 @@ Examples:
   wfl plot out/nitsche --field stress:vonmises --step 10 --warp 200 --png stress.png
   wfl plot out/nitsche --field stress:yy --slice x=0.5 --svg slice.svg
   wfl plot out/nitsche --field u:z --line -1,2,2:1,2,2 --png profile.png
+  wfl plot out/bar --field u --with \"exact(x)\" --zoom 0.4:0.6,0:0.1 --width 85mm --svg figure.svg
   wfl plot out/nitsche --field state --png contact.png
   wfl plot out/nitsche out/penalty --field u:z --png difference.png
   wfl plot out/nitsche out/penalty --over Fn:t --with measured.csv --png curve.png
@@ -33,13 +34,15 @@ pub(crate) struct PlotArgs {
     /// A measure over another one, or over the step variable: a curve through the steps of each run
     #[arg(long, value_name = "UP:RIGHT", value_parser = over, conflicts_with_all = ["field", "step", "slice", "line", "film"])]
     pub(crate) over: Option<Over>,
-    /// Points beside the curves of --over: the first two columns of a CSV file with a line of names
-    #[arg(long, value_name = "CSV", requires = "over")]
-    pub(crate) with: Vec<PathBuf>,
+    /// Beside the curves: of --over the first two columns of a CSV file with a line of names; of a profile a formula of
+    /// the scene, such as "exact(x)", with its macros and parameters
+    #[arg(long, value_name = "CSV|FORMULA")]
+    pub(crate) with: Vec<String>,
     /// The field and a part of it, such as stress:vonmises [default: the displacement, or the first field]
     #[arg(long, value_name = "FIELD[:PART]")]
     pub(crate) field: Option<String>,
-    /// `last`, `all` (a picture each, with the same colours) or the number of a step, counted from 0
+    /// `last`, `all` (a picture each, with the same colours) or numbers of steps, counted from 0: 3 or 0,5,10; profiles of
+    /// several steps are curves in one picture
     #[arg(long, value_name = "STEP", default_value = "last", value_parser = step)]
     pub(crate) step: StepChoice,
     /// What displacements are multiplied by: `auto` or a number, 0 for bodies that are not deformed
@@ -57,6 +60,12 @@ pub(crate) struct PlotArgs {
     /// The range of the colours [default: that of the numbers]
     #[arg(long, value_name = "LOW,HIGH", value_parser = range, allow_hyphen_values = true)]
     pub(crate) range: Option<[f64; 2]>,
+    /// Only this part of a plane body, a cut or a curve: from and to on both axes
+    #[arg(long, value_name = "X0:X1,Y0:Y1", value_parser = zoom, allow_hyphen_values = true)]
+    pub(crate) zoom: Option<Zoom>,
+    /// Width on paper, such as 85mm for a column of a journal: text is then 8 points high
+    #[arg(long, value_name = "WIDTH", value_parser = width)]
+    pub(crate) width: Option<f64>,
     /// Leave out the edges of the mesh
     #[arg(long)]
     pub(crate) no_mesh: bool,
@@ -74,13 +83,41 @@ pub(crate) struct PlotArgs {
     pub(crate) svg: Option<PathBuf>,
 }
 
-/// `last`, `all`, or a number.
+/// A window: its lower and its upper corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Zoom(pub(crate) [[f64; 2]; 2]);
+
+/// `0:1,-1:2`.
+fn zoom(text: &str) -> Result<Zoom, String> {
+    let range = |text: &str| {
+        let (from, to) = text.split_once(':')?;
+        let ends = [number(from)?, number(to)?];
+        (ends[0] < ends[1]).then_some(ends)
+    };
+    let read = || {
+        let (x, y) = text.split_once(',')?;
+        let ([x0, x1], [y0, y1]) = (range(x)?, range(y)?);
+        Some(Zoom([[x0, y0], [x1, y1]]))
+    };
+    read().ok_or_else(|| "it is two ranges, each from a smaller to a larger number, as in `0:1,-1:2`".to_owned())
+}
+
+/// `85mm`, `8.5cm`, `3.3in`: in millimetres.
+fn width(text: &str) -> Result<f64, String> {
+    let units = [("mm", 1.0), ("cm", 10.0), ("in", 25.4)];
+    let read = units.iter().find_map(|(unit, size)| Some(size * number(text.strip_suffix(unit)?)?));
+    read.filter(|w| (30.0..=1000.0).contains(w))
+        .ok_or_else(|| "it is a length from 30mm to 1000mm, as in `85mm`".to_owned())
+}
+
+/// `last`, `all`, or numbers.
 fn step(text: &str) -> Result<StepChoice, String> {
     match text {
         "last" => Ok(StepChoice::Last),
         "all" => Ok(StepChoice::All),
-        number => {
-            number.parse().map(StepChoice::Number).map_err(|_| "it is `last`, `all` or the number of a step".into())
+        numbers => {
+            let list: Result<Vec<usize>, _> = numbers.split(',').map(|n| n.trim().parse()).collect();
+            list.map(StepChoice::Numbers).map_err(|_| "it is `last`, `all` or numbers of steps, as in `0,5,10`".into())
         }
     }
 }
@@ -123,7 +160,7 @@ fn line(text: &str) -> Result<Slice, String> {
 }
 
 /// `-60,25`.
-fn view(text: &str) -> Result<View, String> {
+pub(crate) fn view(text: &str) -> Result<View, String> {
     match numbers(text).as_deref() {
         Some([azimuth, elevation]) => Ok(View { azimuth: *azimuth, elevation: *elevation }),
         _ => Err("it is two angles in degrees, as in `-60,25`".to_owned()),

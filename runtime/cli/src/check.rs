@@ -16,7 +16,7 @@ use wfl_runtime::{
     FIXED, LinearSolver, Scene,
     element::Family,
     field::FieldSpace,
-    mesh::{self, FacetId, Polynomials, RegionSet},
+    mesh::{self, FacetId, Mesh, Polynomials, RegionSet},
     newton::planned_stages,
     solve::{Linked, SolverOptions},
 };
@@ -75,7 +75,7 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
 }
 
 fn tables(loaded: &Loaded, scene: &Scene, library: Option<Linked>, parse: f64) -> Vec<Table> {
-    let mut list = vec![mesh(scene)];
+    let mut list = vec![mesh_table(&scene.system.mesh)];
     list.extend(refinements(loaded, scene));
     list.extend([quality(scene), regions(loaded, scene)]);
     list.extend([interfaces(scene), fields(loaded, scene), rims(scene), parameters(loaded, scene)]);
@@ -99,8 +99,8 @@ fn line(loaded: &Loaded, span: Span) -> Value {
     without_comments.flat_map(str::split_whitespace).collect::<Vec<_>>().join(" ").into()
 }
 
-fn mesh(scene: &Scene) -> Table {
-    let mesh = &scene.system.mesh;
+/// What cells a mesh has.
+pub(crate) fn mesh_table(mesh: &Mesh) -> Table {
     let mut table = Table::new("mesh", &["cells", "kind", "dimension", "order", "nodes", "from", "to"]);
     let mut kinds = mesh.kinds().to_vec();
     kinds.sort_by_key(|k| k.index());

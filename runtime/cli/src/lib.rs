@@ -6,6 +6,7 @@
 mod accuracy;
 mod args;
 mod args_gradient;
+mod args_mesh;
 mod args_plot;
 mod args_slip;
 mod ast_text;
@@ -21,6 +22,7 @@ mod heartbeat;
 mod import;
 mod interrupt;
 mod load;
+mod mesh;
 mod new;
 mod plot;
 mod prepared;
@@ -36,6 +38,7 @@ mod sweep;
 mod table;
 mod together;
 mod verify;
+mod watching;
 
 use std::{ffi::OsString, path::PathBuf, process::ExitCode, time::Instant};
 
@@ -98,6 +101,7 @@ fn command(call: &Call, started: Instant) -> ExitCode {
         Command::Extremes(options) => extremes::extremes(&options, started),
         Command::Report(options) => report::report(&options),
         Command::Plot(options) => plot::plot(&options),
+        Command::Mesh(options) => mesh::mesh(&options),
         Command::Check(options) => check::check(&options, started),
         Command::Show(options) => show::show(&options),
         Command::Verify(options) => verify::verify(&options),
@@ -108,7 +112,7 @@ fn command(call: &Call, started: Instant) -> ExitCode {
         Command::New(options) => new::new(&options),
         Command::Lsp(_) => shell::lsp(&call.program),
         Command::Completions(options) => shell::completions(&options),
-        Command::Man => shell::man(),
+        Command::Man(options) => shell::man(&options),
     }
 }
 

@@ -8,7 +8,8 @@ use std::{
     process::ExitCode,
 };
 
-use wfl_report::{Picture, PlotError, Request, RunFolder, StepChoice, over, plots};
+use wfl_report::{Beside, Picture, PlotError, Request, RunFolder, StepChoice, over, plots, profile_line, sized};
+use wfl_tasks::formula;
 
 use crate::{
     args_plot::PlotArgs,
@@ -32,13 +33,7 @@ pub(crate) fn plot(args: &PlotArgs) -> ExitCode {
 
 /// Draws and writes; says which files, or why not.
 fn made(args: &PlotArgs) -> Result<String, String> {
-    for (file, ending) in [(&args.png, "png"), (&args.svg, "svg")] {
-        if let Some(file) = file.as_ref().filter(|f| f.extension().is_none_or(|e| e != ending)) {
-            let (name, better) = (file.display(), file.with_extension(ending));
-            let help = format!("  = help: --{ending} {}\n", better.display());
-            return Err(format!("error: {name} is no name of a .{ending} file\n{help}"));
-        }
-    }
+    endings(&args.png, &args.svg)?;
     let real = |folder: &PathBuf| folder.canonicalize().unwrap_or_else(|_| folder.clone());
     let twice = (1..args.folders.len()).find(|k| args.folders[..*k].iter().any(|f| real(f) == real(&args.folders[*k])));
     if let Some(k) = twice {
@@ -48,9 +43,11 @@ fn made(args: &PlotArgs) -> Result<String, String> {
     for folder in &args.folders {
         runs.push(RunFolder::read(folder).map_err(|e| explained(&e))?);
     }
+    let zoom = args.zoom.map(|z| z.0);
     if let Some(pair) = &args.over {
-        let tables: Vec<&Path> = args.with.iter().map(PathBuf::as_path).collect();
-        return written(args, &[over(&runs, pair, &tables).map_err(|e| told(&e))?]);
+        let tables: Vec<&Path> = args.with.iter().map(Path::new).collect();
+        let Picture { name, chart } = over(&runs, pair, &tables).map_err(|e| told(&e))?;
+        return written(args, &[Picture { name, chart: sized(chart, zoom, args.width) }]);
     }
     if runs.len() > 2 {
         let help = "  = help: two folders are drawn as their difference, more with --over\n";
@@ -61,18 +58,52 @@ fn made(args: &PlotArgs) -> Result<String, String> {
     let run = if let Some(other) = other { run.minus(other) } else { run };
     let request = Request {
         field: args.field.clone(),
-        step: if args.film.is_some() { StepChoice::All } else { args.step },
+        step: if args.film.is_some() { StepChoice::All } else { args.step.clone() },
         warp: args.warp,
         slice: args.slice.or(args.line),
         view: args.view,
         range: args.range,
         no_mesh: args.no_mesh,
+        zoom,
+        width: args.width,
+        beside: Vec::new(),
     };
+    let beside = formulas(args, &run, &request)?;
+    let request = Request { beside, ..request };
     let pictures = plots(&run, &request).map_err(|e| told(&e))?;
     match &args.film {
         Some(file) => film::write(file, &pictures, args.rate),
         None => written(args, &pictures),
     }
+}
+
+/// The formulas that are to stand beside a profile, along its line.
+fn formulas(args: &PlotArgs, run: &RunFolder, request: &Request) -> Result<Vec<Beside>, String> {
+    if args.with.is_empty() {
+        return Ok(Vec::new());
+    }
+    let Some(line) = profile_line(run, request).map_err(|e| told(&e))? else {
+        let help = "  = help: --line 0,0:1,0 --with \"exact(x)\"; a table stands beside --over F:d\n";
+        return Err(format!("error: a formula stands beside a profile, and this picture is none\n{help}"));
+    };
+    let curve = |formula: &String| {
+        let points =
+            formula::along(run.report(), formula, line.ends, line.time).map_err(|e| format!("error: {e}\n"))?;
+        Ok(Beside { name: formula.clone(), points })
+    };
+    args.with.iter().map(curve).collect()
+}
+
+/// Names of pictures end as their kind does.
+pub(crate) fn endings(png: &Option<PathBuf>, svg: &Option<PathBuf>) -> Result<(), String> {
+    for (file, ending) in [(png, "png"), (svg, "svg")] {
+        if let Some(file) = file.as_ref().filter(|f| f.extension().is_none_or(|e| e != ending)) {
+            let (name, better) = (file.display(), file.with_extension(ending));
+            let help = format!("  = help: --{ending} {}\n", better.display());
+            return Err(format!("error: {name} is no name of a .{ending} file\n{help}"));
+        }
+    }
+    Ok(())
 }
 
 /// Writes pictures; says which files, or why not.
@@ -126,6 +157,11 @@ pub(crate) fn write(file: &Path, bytes: &[u8]) -> Result<(), String> {
             file.display()
         ));
     }
+    replace(file, bytes)
+}
+
+/// Writes a file under its name, whole or not at all, whatever was there.
+pub(crate) fn replace(file: &Path, bytes: &[u8]) -> Result<(), String> {
     let mut part = file.as_os_str().to_owned();
     part.push(format!(".{}.part", std::process::id()));
     let part = PathBuf::from(part);

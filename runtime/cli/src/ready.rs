@@ -16,6 +16,7 @@ use crate::{
     interrupt::Tidied,
     load::{out, print_all, say},
     progress::{Loudness, Terminal},
+    watching::{self, Watching},
 };
 
 /// The threads of a run.
@@ -37,6 +38,8 @@ pub(crate) struct Ready {
     pub(crate) loudness: Loudness,
     /// It may go on where it was stopped.
     pub(crate) resumable: bool,
+    /// The page that is written while it runs.
+    watch: Option<PathBuf>,
 }
 
 /// Codes of advice on the text alone: what is declared and not needed.
@@ -61,10 +64,16 @@ impl Ready {
 
     pub(crate) fn go(&mut self, scene: &Scene) -> Result<Outcome, RunError> {
         let mut terminal = Terminal::new(self.loudness);
+        let page = self.watch.take();
         let several = scene.steps.several() && self.resumable;
         let hint = if several { "the steps done are kept: the same command with --resume continues" } else { "" };
         let _tidied = self.options.out.clone().map(|folder| Tidied::new(folder, hint));
-        wfl_runtime::run(scene, &self.options, &mut terminal)
+        let Some(file) = page else { return wfl_runtime::run(scene, &self.options, &mut terminal) };
+        let variable = self.options.about.step_variable.clone();
+        let mut watching = Watching::new(terminal, file, &self.options.name, variable.as_deref().unwrap_or("t"));
+        let outcome = wfl_runtime::run(scene, &self.options, &mut watching);
+        watching.end();
+        outcome
     }
 }
 
@@ -105,6 +114,9 @@ pub(crate) struct Times {
 
 /// Makes the options of a run.
 pub(crate) fn ready(args: &RunArgs, loaded: &Loaded, times: Times) -> Result<Ready, String> {
+    if let Some(file) = &args.watch {
+        watching::may_replace(file)?;
+    }
     let loudness = match (args.quiet, args.verbose) {
         (true, _) => Loudness::Quiet,
         (_, true) => Loudness::Verbose,
@@ -131,7 +143,7 @@ pub(crate) fn ready(args: &RunArgs, loaded: &Loaded, times: Times) -> Result<Rea
         keep_trajectory: args.gradient.gradient.is_some() || !loaded.script.gradients.is_empty(),
         keep_outputs: Vec::new(),
     };
-    Ok(Ready { options, loudness, resumable: true })
+    Ok(Ready { options, loudness, resumable: true, watch: args.watch.clone() })
 }
 
 /// The requested results folder, or the one that is named after the scene.

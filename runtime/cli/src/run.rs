@@ -40,8 +40,9 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
 /// Runs with solvers that took `started_in` to start.
 fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Duration) -> ExitCode {
     let team = running.team();
-    if team.is_some() && args.savings {
-        say("error: --savings does not go with several ranks\n  = help: run it without mpirun\n");
+    let alone = [("--savings", args.savings), ("--watch", args.watch.is_some())];
+    if let Some((option, _)) = alone.into_iter().find(|(_, asked)| team.is_some() && *asked) {
+        say(&format!("error: {option} does not go with several ranks\n  = help: run it without mpirun\n"));
         return ExitCode::from(EXIT_ERROR);
     }
     let Some(request) = gradient::request(args, team.is_some()) else { return ExitCode::from(EXIT_ERROR) };

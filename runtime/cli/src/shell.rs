@@ -2,7 +2,7 @@
 
 use std::{path::Path, process::ExitCode};
 
-use crate::args::CompletionsArgs;
+use crate::args::{CompletionsArgs, ManArgs};
 
 #[cfg(feature = "lsp")]
 mod built {
@@ -12,7 +12,7 @@ mod built {
     use clap_complete::generate;
 
     use crate::{
-        args::{Args, CompletionsArgs, ShellName},
+        args::{Args, CompletionsArgs, ManArgs, ShellName},
         load::say,
         prepared::EXIT_ERROR,
     };
@@ -42,9 +42,20 @@ mod built {
         written(&text)
     }
 
-    pub(super) fn man() -> ExitCode {
+    pub(super) fn man(args: &ManArgs) -> ExitCode {
+        let mut program = Args::command();
+        program.build();
+        let page = match &args.command {
+            None => Some(program),
+            Some(name) => program.find_subcommand(name).cloned(),
+        };
+        let Some(page) = page else {
+            let asked = args.command.as_deref().unwrap_or_default();
+            say(&format!("error: there is no command `{asked}`\n  = help: wfl --help lists them\n"));
+            return ExitCode::from(EXIT_ERROR);
+        };
         let mut text = Vec::new();
-        match clap_mangen::Man::new(Args::command()).render(&mut text) {
+        match clap_mangen::Man::new(page).render(&mut text) {
             Ok(()) => written(&text),
             Err(e) => {
                 say(&format!("error: no page: {e}\n"));
@@ -65,7 +76,11 @@ mod built {
 mod built {
     use std::{path::Path, process::ExitCode};
 
-    use crate::{args::CompletionsArgs, load::say, prepared::EXIT_ERROR};
+    use crate::{
+        args::{CompletionsArgs, ManArgs},
+        load::say,
+        prepared::EXIT_ERROR,
+    };
 
     pub(super) fn lsp(_program: &Path) -> ExitCode {
         missing("the language server")
@@ -75,7 +90,7 @@ mod built {
         missing(&format!("the completions of {:?}", args.shell))
     }
 
-    pub(super) fn man() -> ExitCode {
+    pub(super) fn man(_args: &ManArgs) -> ExitCode {
         missing("the man page")
     }
 
@@ -94,6 +109,6 @@ pub(crate) fn completions(args: &CompletionsArgs) -> ExitCode {
     built::completions(args)
 }
 
-pub(crate) fn man() -> ExitCode {
-    built::man()
+pub(crate) fn man(args: &ManArgs) -> ExitCode {
+    built::man(args)
 }

@@ -1,6 +1,6 @@
 //! Each scene and each command of the guide, as a reader would type them in.
 //!
-//! A block "```wfl name.wfl" or "```csv name.csv" is written to that file, "```diff old.wfl new.wfl" writes `new.wfl` with the
+//! A block "```wfl name.wfl", "```csv name.csv" or "```inp name.inp" is written to that file, "```diff old.wfl new.wfl" writes `new.wfl` with the
 //! lines replaced one by one, and further new ones at its end. In a block "```console" each line after `$ ` is a command
 //! that must succeed, and the lines below it are in what it prints.
 
@@ -9,8 +9,20 @@ mod common;
 use common::Folder;
 
 /// Pages with snippets.
-const PAGES: [&str; 7] =
-    ["first_hour", "flow_in_faults", "from_getfem", "from_ufl", "gradients", "initial_stress", "time"];
+const PAGES: [&str; 12] = [
+    "axisymmetry",
+    "cookbook",
+    "first_hour",
+    "from_calculix",
+    "flow_in_faults",
+    "from_getfem",
+    "from_moose",
+    "from_ufl",
+    "gradients",
+    "initial_stress",
+    "regions",
+    "time",
+];
 
 /// A block of a page: the words behind the fence, and its lines.
 struct Block {
@@ -88,7 +100,7 @@ fn every_scene_and_command_of_the_guide_works_as_it_is_written() {
                     folder.write(&block.head[1], &(block.lines.join("\n") + "\n"));
                     scenes += 1;
                 }
-                "csv" => drop(folder.write(&block.head[1], block.lines.join("\n") + "\n")),
+                "csv" | "inp" => drop(folder.write(&block.head[1], block.lines.join("\n") + "\n")),
                 "diff" => changed(&folder, &block),
                 "console" => commands += typed(&folder, page, &block),
                 _ => {}

@@ -257,7 +257,7 @@ fn what_cannot_be_drawn_is_refused_with_what_there_is() {
     folder.refused(&["--field", "nope"], &["no field `nope`", "there is stress, u"]);
     folder.refused(&["--field", "u:xx"], &["no part `xx`", "u:magnitude, u:x"]);
     folder.refused(&["--step", "7"], &["no fields of step 7", "steps 0 to 1"]);
-    folder.refused(&["--step", "soon"], &["`last`, `all` or the number of a step"]);
+    folder.refused(&["--step", "soon"], &["`last`, `all` or numbers of steps"]);
     folder.refused(&["--slice", "q=1"], &["`x=`, `y=` or `z=`"]);
     folder.refused(&["--range", "2,1"], &["the smaller one first"]);
     folder.refused(&["--png", "p.svg"], &["p.svg is no name of a .png file", "--png p.png"]);
@@ -382,4 +382,56 @@ fn a_film_has_a_picture_of_each_step() {
     assert!(folder.wfl(&["run", "one.wfl", "--out", "one"]).status.success());
     let told = folder.told(&["plot", "one", "--film", "one.gif"]);
     assert!(told.contains("one picture"), "{told}");
+}
+
+#[test]
+fn a_formula_of_the_scene_stands_beside_a_profile() {
+    let folder = Folder::new("plot_formula");
+    folder.write("bar.wfl", STRETCHED.replace("output vtk", "def exact(a) = 0.001*t*a\noutput vtk"));
+    assert!(folder.wfl(&["run", "bar.wfl"]).status.success());
+    let plot = |more: &[&str]| {
+        let args = ["plot", "out/bar", "--field", "u:x", "--svg", "a.svg"];
+        folder.wfl(&args.iter().chain(more).copied().collect::<Vec<_>>())
+    };
+    let done = plot(&["--line", "0,0.5:2,0.5", "--with", "exact(x)"]);
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let svg = std::fs::read_to_string(folder.0.join("a.svg")).unwrap();
+    // the dashed line ends where the curve does: both are linear from 0 to 0.002*2
+    let last = |class: &str| {
+        let line =
+            svg.lines().find(|l| l.contains("<polyline") && l.contains(class)).unwrap_or_else(|| panic!("{svg}"));
+        let points = line.split("points=\"").nth(1).unwrap().split('"').next().unwrap();
+        points.split_whitespace().next_back().unwrap().to_owned()
+    };
+    assert_eq!(last("l c0"), last(" d\""), "{svg}");
+    for (more, words) in [
+        (&["--with", "exact(x)"][..], "a formula stands beside a profile"),
+        (&["--line", "0,0.5:2,0.5", "--with", "exakt(x)"], "unknown name `exakt`"),
+        (&["--line", "0,0.5:2,0.5", "--with", "u(1)"], "may read positions"),
+    ] {
+        let done = plot(more);
+        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.code() == Some(1) && said.contains(words), "{more:?}: {said}");
+    }
+}
+
+#[test]
+fn a_part_of_a_picture_has_the_size_of_a_column() {
+    let folder = Folder::new("plot_zoom");
+    folder.write("bar.wfl", STRETCHED);
+    assert!(folder.wfl(&["run", "bar.wfl"]).status.success());
+    let args = ["plot", "out/bar", "--field", "stress:xx", "--warp", "0", "--zoom", "0.5:1,0:0.5", "--width", "85mm"];
+    let done = folder.wfl(&args.iter().chain(&["--svg", "a.svg"]).copied().collect::<Vec<_>>());
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let svg = std::fs::read_to_string(folder.0.join("a.svg")).unwrap();
+    assert!(svg.contains("width=\"85.00mm\"") && svg.contains(">0.5<") && !svg.contains(">1.5<"), "{svg}");
+    for (option, value) in [("--zoom", "1:0,0:1"), ("--width", "85"), ("--width", "2mm")] {
+        assert_eq!(folder.wfl(&["plot", "out/bar", option, value]).status.code(), Some(1), "{option} {value}");
+    }
+    // curves of two of the steps
+    let done =
+        folder.wfl(&["plot", "out/bar", "--field", "u:x", "--slice", "y=0.5", "--step", "0,1", "--svg", "b.svg"]);
+    assert!(done.status.success() && folder.0.join("b.svg").is_file());
+    let done = folder.wfl(&["plot", "out/bar", "--step", "0,7", "--svg", "c.svg"]);
+    assert!(String::from_utf8_lossy(&done.stderr).contains("there are no fields of step 7"));
 }

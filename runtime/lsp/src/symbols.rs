@@ -271,6 +271,7 @@ impl<'a> Reader<'a> {
                     let (BoxDivision::Cells(n) | BoxDivision::Size(n)) = division;
                     self.exprs([from, to, n]);
                 }
+                self.exprs(source.placing());
                 self.exprs(map);
                 self.options(options);
             }

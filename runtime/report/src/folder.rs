@@ -156,6 +156,13 @@ impl RunFolder {
         self.report.steps.get(step).map_or(f64::NAN, |s| s.t.0)
     }
 
+    /// The scene maps faces of one body onto another: they need not touch where nothing is deformed.
+    pub(crate) fn is_mapped(&self) -> bool {
+        let texts = self.report.about.texts.first();
+        let mapped = texts.is_some_and(|t| t.text.lines().any(|line| line.starts_with("mapping ")));
+        mapped && self.report.steps.iter().any(|s| s.contact.is_some())
+    }
+
     /// The name of the step variable.
     pub(crate) fn variable(&self) -> &str {
         self.report.about.step_variable.as_deref().unwrap_or("t")

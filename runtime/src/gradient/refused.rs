@@ -243,6 +243,7 @@ fn each_fixed_place<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr, 
         if let MeshSource::Box { from, to, division: BoxDivision::Cells(d) | BoxDivision::Size(d), .. } = &mesh.source {
             [from, to, d].into_iter().for_each(|e| f(e, "the mesh", OF_SHAPE));
         }
+        mesh.source.placing().for_each(|e| f(e, "the place of a mesh file", OF_SHAPE));
         mesh.map.iter().for_each(|e| f(e, "the map of the mesh", OF_SHAPE));
         options(&mesh.options, f);
     }

@@ -20,7 +20,7 @@ pub(super) fn names(
 ) -> Vec<String> {
     let mut out: Vec<String> = Vec::with_capacity(groups.len());
     for group in groups {
-        let wanted = word(&group.name);
+        let wanted = region_name(&group.name);
         let built_in = REGIONS.contains(&wanted.as_str());
         let taken = |name: &String, out: &[String]| REGIONS.contains(&name.as_str()) || out.contains(name);
         let mut name = wanted.clone();
@@ -46,8 +46,9 @@ pub(super) fn names(
     out
 }
 
-/// A name that a scene can write.
-fn word(name: &str) -> String {
+/// The name that a scene has for a group of a mesh file, if no other group has it.
+#[must_use]
+pub fn region_name(name: &str) -> String {
     let mut word: String =
         name.trim().chars().map(|c| if c.is_ascii_alphanumeric() || c == '_' { c } else { '_' }).collect();
     if word.is_empty() || word.starts_with(|c: char| c.is_ascii_digit()) || is_keyword(&word) {

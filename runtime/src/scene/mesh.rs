@@ -1,11 +1,10 @@
 //! The mesh of a scene: a generated box or a file, and the map of its nodes.
 
-use std::{collections::BTreeMap, path::Path};
+use std::collections::BTreeMap;
 
 use wfl::{
     Code, Diagnostic, FieldKind, MeshStmt, ResolvedScript, Span,
     ast::{self, BoxDivision, Expr, MeshSource},
-    nearest,
 };
 use wfl_compiler::{
     Constant, Env,
@@ -16,115 +15,21 @@ use wfl_compiler::{
 
 use crate::{
     finite::{BadGiven, NotFinite},
-    input::{InputError, InputKind},
     memory::TooMuchMemory,
     mesh::{
         BoxShape, CellId, FacetRef, Group, GroupEntities, MapError, Mesh, MeshError, MeshWarnings, Topology,
-        along_curves, cells_for_size, faces_of, generate_box, map_nodes, map_refined, outer_boundary, read::ReadError,
-        second_order,
+        along_curves, cells_for_size, faces_of, generate_box, map_nodes, map_refined, outer_boundary, second_order,
     },
-    output::Hash,
-    reading::{self, ReadingError},
     scene::{
-        Bodies, InputFile,
+        Bodies,
         constants::{bare_env, numbers},
     },
     value::Value,
 };
 
-/// The mesh of a file, read before anything else because it has the dimension of the scene; `None` for a box, and
-/// after a message.
-pub(super) fn read(
-    script: &ResolvedScript,
-    folder: &Path,
-    inputs: &mut Vec<InputFile>,
-    diagnostics: &mut Vec<Diagnostic>,
-) -> Option<Mesh> {
-    let MeshSource::File { path, span } = &script.mesh.as_ref()?.source else { return None };
-    let bytes = match reading::bytes(folder, folder, path, InputKind::Mesh) {
-        Ok(bytes) => bytes,
-        Err(e) => {
-            let near =
-                if matches!(e, ReadingError::Input(InputError::NotFound)) { similar(folder, path) } else { None };
-            let d = unread(&e, Code::E410, &format!("cannot use the mesh file `{path}`"));
-            diagnostics.push(match near {
-                Some(near) => d.at(*span, format!("did you mean `{near}`?")).replace(*span, format!("\"{near}\"")),
-                None => d.at(*span, ""),
-            });
-            return None;
-        }
-    };
-    inputs.push(InputFile::new(folder, path, Hash::of(&bytes)));
-    match crate::mesh::read::mesh_of(&bytes) {
-        Ok(mesh) => {
-            let twins = &mesh.warnings().duplicate_nodes;
-            if let Some((a, b)) = twins.first() {
-                let [a_at, b_at] = [a, b].map(|n| &mesh.nodes()[n.index()][..mesh.dim()]);
-                let [a, b] = [a, b].map(|n| mesh.numbers().node(*n));
-                let d = Diagnostic::new(
-                    Code::W405,
-                    format!("{} pairs of nodes of one body have the same coordinates but are not joined", twins.len()),
-                );
-                let first = format!("the first pair: {a} at {a_at:?} and {b} at {b_at:?}");
-                diagnostics.push(d.at(*span, first).help("the body is torn there; merge them in the mesh generator"));
-            }
-            diagnostics.extend(turned(&mesh, *span));
-            Some(mesh)
-        }
-        Err(ReadError::Mesh(MeshError::TooMuchMemory(need))) => {
-            diagnostics.push(too_much_memory(&need, *span));
-            None
-        }
-        Err(e) => {
-            let d = Diagnostic::new(Code::E410, format!("cannot use the mesh file `{path}`: {e}"));
-            diagnostics.push(d.at(*span, ""));
-            None
-        }
-    }
-}
-
-/// W423 for cells of a file that ran clockwise.
-fn turned(mesh: &Mesh, span: Span) -> Option<Diagnostic> {
-    let cells = &mesh.warnings().turned_cells;
-    let first = mesh.numbers().cell(*cells.first()?);
-    let many = match (cells.len(), mesh.n_cells()) {
-        (1, _) => "1 cell runs".to_owned(),
-        (n, all) if n == all => format!("all {n} cells run"),
-        (n, _) => format!("{n} cells run"),
-    };
-    let d = Diagnostic::new(Code::W423, format!("{many} clockwise in this file, and were turned"));
-    let d = d.at(span, format!("the first is {first}; places, groups and results are not changed by that"));
-    Some(d.help("in Gmsh: reverse the curve loop of the surface, or Reverse Surface{..}"))
-}
-
-/// A file that cannot be had: E217 if the scene may not read it, E606 if it is too large, else `code`.
-pub(super) fn unread(error: &ReadingError, code: Code, what: &str) -> Diagnostic {
-    let code = match error {
-        ReadingError::Outside { .. } => Code::E217,
-        ReadingError::Input(InputError::TooLarge(_)) => Code::E606,
-        ReadingError::Input(_) => code,
-    };
-    let d = Diagnostic::new(code, format!("{what}: {error}"));
-    match error.help() {
-        Some(help) => d.help(help),
-        None => d,
-    }
-}
-
-/// The mesh file beside a missing one whose name is nearest.
-fn similar(folder: &Path, path: &str) -> Option<String> {
-    let (inner, wanted) = path.rsplit_once('/').unwrap_or(("", path));
-    let files = std::fs::read_dir(folder.join(inner)).ok()?;
-    let names = files.filter_map(|f| f.ok()?.file_name().into_string().ok());
-    let mut names: Vec<String> = names.filter(|n| n.ends_with(".msh")).collect();
-    names.sort_unstable();
-    let near = nearest(wanted, names.iter().map(String::as_str))?;
-    Some(if inner.is_empty() { near.to_owned() } else { format!("{inner}/{near}") })
-}
-
 /// The dimension a scene's mesh will have; 3 where neither its text nor a file says.
-pub(super) fn dimension(script: &ResolvedScript, read: Option<&Mesh>) -> usize {
-    if let Some(mesh) = read {
+pub(super) fn dimension(script: &ResolvedScript, read: Option<&[Mesh]>) -> usize {
+    if let Some(mesh) = read.and_then(<[Mesh]>::first) {
         return mesh.dim();
     }
     match script.mesh.as_ref().map(|m| &m.source) {
@@ -147,14 +52,14 @@ pub(super) struct MeshMaker<'a> {
 
 impl MeshMaker<'_> {
     /// The mesh as it was generated or read, and the map of its nodes; `None` after a message.
-    pub(super) fn unmoved(&mut self, read: Option<Mesh>) -> Option<(Mesh, Option<NodeMap>)> {
+    pub(super) fn unmoved(&mut self, read: Option<Vec<Mesh>>) -> Option<(Mesh, Option<NodeMap>)> {
         let statement = self.script.mesh.as_ref()?;
         let mesh = match &statement.source {
             MeshSource::Box { from, to, division, shape } => {
                 let env = bare_env(self.script, dimension(self.script, None), self.params);
                 generated(&env, statement, from, to, division, *shape, self.diagnostics)?
             }
-            MeshSource::File { .. } => read?,
+            MeshSource::Files(files) => self.placed(files, read?)?,
         };
         let map = match &statement.map {
             None => None,
@@ -162,7 +67,7 @@ impl MeshMaker<'_> {
         };
         match &statement.source {
             MeshSource::Box { .. } if map.is_some() => Some((self.bent(mesh, map.as_ref()), map)),
-            MeshSource::File { .. } if self.bodies == Bodies::Arcs => Some((with_arcs(mesh), map)),
+            MeshSource::Files(_) if self.bodies == Bodies::Arcs => Some((with_arcs(mesh), map)),
             _ => Some((mesh, map)),
         }
     }

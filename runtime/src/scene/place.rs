@@ -6,7 +6,7 @@ use wfl::{Diagnostic, Lost, ResolvedScript};
 use wfl_compiler::{Constant, backend::KernelBackend};
 
 use super::{
-    InputFile, Refined, Regions, With, constants, mesh,
+    InputFile, Refined, Regions, With, constants, mesh, mesh_files,
     part::{PartOfUnknowns, ScenePart},
     regions,
 };
@@ -48,8 +48,8 @@ pub(super) struct Told {
 pub(super) fn whole(script: &ResolvedScript, with: With<'_>, found: &mut Findings) -> Option<Place> {
     let With { folder, backend, rounds, sampling, .. } = with;
     let mut inputs = Vec::new();
-    let read = mesh::read(script, folder, &mut inputs, &mut found.diagnostics);
-    let params = constants::parameters(script, mesh::dimension(script, read.as_ref()), &mut found.diagnostics);
+    let read = mesh_files::read(script, folder, &mut inputs, &mut found.diagnostics);
+    let params = constants::parameters(script, mesh::dimension(script, read.as_deref()), &mut found.diagnostics);
     for param in script.params.iter().filter(|p| !params.contains_key(&p.name.name)) {
         found.lost.add(&param.name.name);
     }

@@ -7,7 +7,7 @@ use super::{
     Builder, InputFile,
     given::{CallerValues, Given},
     mesh,
-    mesh::unread,
+    mesh_files::unread,
 };
 use crate::{
     input::InputKind,

@@ -33,7 +33,7 @@ pub struct Refined {
 
 impl MeshMaker<'_> {
     /// The mesh with its nodes where they are in the end, and how it was refined; `None` after a message.
-    pub(super) fn make(mut self, read: Option<Mesh>, rounds: &[Vec<Mark>]) -> Option<(Mesh, Option<Refined>)> {
+    pub(super) fn make(mut self, read: Option<Vec<Mesh>>, rounds: &[Vec<Mark>]) -> Option<(Mesh, Option<Refined>)> {
         let (mesh, map) = self.unmoved(read)?;
         let script = self.script;
         if rounds.is_empty() && script.refinements.is_empty() {

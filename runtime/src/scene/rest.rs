@@ -224,7 +224,7 @@ fn written_dimension(script: &ResolvedScript) -> Option<usize> {
             ExprKind::Number(_) => Some(1),
             _ => None,
         },
-        MeshSource::File { .. } => None,
+        MeshSource::Files(_) => None,
     }
 }
 

@@ -379,7 +379,7 @@ impl Trials for Lab<'_> {
     }
 
     fn geometry(&mut self, run: &Trial, setting: &Setting, fineness: usize) -> f64 {
-        if !matches!(self.known.loaded.script.mesh.as_ref().map(|m| &m.source), Some(MeshSource::File { .. })) {
+        if !matches!(self.known.loaded.script.mesh.as_ref().map(|m| &m.source), Some(MeshSource::Files(_))) {
             return 0.0;
         }
         let mesh = &run.solved.scene.system.mesh;

@@ -14,6 +14,7 @@ pub mod ending;
 mod exact;
 pub mod extremes;
 pub mod folder;
+pub mod formula;
 pub mod gradient;
 pub mod import;
 mod listener;

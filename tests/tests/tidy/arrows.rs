@@ -21,7 +21,7 @@ pub(super) const ARROWS: &[(&str, &str, &[&str])] = &[
         ],
     ),
     ("wfl-host", "runtime/host", &["thiserror"]),
-    ("wfl-mesh", "runtime/mesh", &["wfl", "wfl-host", "nalgebra", "thiserror"]),
+    ("wfl-mesh", "runtime/mesh", &["wfl", "wfl-host", "miniz_oxide", "nalgebra", "thiserror"]),
     ("wfl-sparse", "runtime/sparse", &["wfl-host", "faer", "nalgebra", "pulp", "rayon", "thiserror"]),
     (
         "wfl-discrete",
@@ -152,6 +152,7 @@ const OWNERS: &[(&str, &[&str])] = &[
     ("faer", &["runtime/sparse/src/solve/"]),
     ("pulp", &["runtime/discrete/src/assemble/", "runtime/sparse/src/solve/kernels"]),
     ("zerocopy", &["runtime/discrete/src/assemble/"]),
+    ("miniz_oxide", &["runtime/mesh/src/mesh/read/vtu/"]),
     ("criterion", &["runtime/benches/"]),
     ("pyo3", &["runtime/python/"]),
     ("numpy", &["runtime/python/"]),

@@ -207,6 +207,14 @@ pages! {
         "wfl run fault.wfl --out /other/disc --resume",
     ),
     page(
+        E718,
+        "a placement of a mesh file that does not fit",
+        "A motion has as many components as the mesh has dimensions, a factor is above 0, a turn in space has an axis: \
+         `turned by 30 about [0,0,1]`. In the plane a turn is about the origin, without an axis.",
+        "mesh file \"disc.msh\" moved by [0, 0, 2]",
+        "mesh file \"disc.msh\" moved by [0, 2]",
+    ),
+    page(
         E801,
         "GWFL that this program does not have",
         "Cut elements, elementary transformations, two-domain integrals and complex fields are not available. A crack \

@@ -683,4 +683,13 @@ pages! {
         "param rho = 2700",
         "param rho = 2700\nterm weight on all : rho*9.81*Test_u(3)",
     ),
+    page(
+        W703,
+        "groups of several mesh files with one name",
+        "Several files of `mesh file` have groups of one name and one dimension. In the scene they are one region with the \
+         members of all files: the same file at two places, or parts that were named alike. Where they are to be told apart, \
+         give the groups names of their own in the files.",
+        "mesh file \"disc.msh\", \"disc.msh\" moved by [0, 2]",
+        "mesh file \"disc.msh\", \"plate.msh\" moved by [0, 2]",
+    ),
 }

@@ -4,13 +4,12 @@ mod gradient;
 
 use super::{
     Pair, Parsed, Rule, habits, slip, span_at,
-    terminal::{box_shape, comparison, entity, rank, reduction, region_op},
+    terminal::{comparison, entity, rank, reduction, region_op},
 };
 use crate::{
     ast::{
-        BoxDivision, Cond, CondKind, Domain, Expr, Ident, Item, ItemKind, MacroDef, MappingKind, MeasureAt, MeshSource,
-        OptionItem, OptionValue, OutputItem, Place, QuadratureRule, Reduction, Refine, RegionExpr, Space, Target,
-        TargetPart, Unit,
+        Cond, CondKind, Domain, Expr, Ident, Item, ItemKind, MacroDef, MappingKind, MeasureAt, OptionItem, OptionValue,
+        OutputItem, Place, QuadratureRule, Reduction, Refine, RegionExpr, Space, Target, TargetPart, Unit,
     },
     codes::Code,
     diag::Diagnostic,
@@ -26,21 +25,21 @@ pub(super) struct Reader<'t> {
 }
 
 /// The inner pairs of a statement, taken in order.
-struct Parts<'i>(std::iter::Peekable<std::vec::IntoIter<Pair<'i>>>);
+pub(super) struct Parts<'i>(pub(super) std::iter::Peekable<std::vec::IntoIter<Pair<'i>>>);
 
 impl<'i> Parts<'i> {
     /// The next part, which the grammar promises.
-    fn next(&mut self) -> Pair<'i> {
+    pub(super) fn next(&mut self) -> Pair<'i> {
         self.0.next().expect("the grammar promises this part")
     }
 
     /// The next part if it is of this rule.
-    fn take(&mut self, rule: Rule) -> Option<Pair<'i>> {
+    pub(super) fn take(&mut self, rule: Rule) -> Option<Pair<'i>> {
         self.0.next_if(|p| p.as_rule() == rule)
     }
 
     /// All next parts of this rule.
-    fn take_all(&mut self, rule: Rule) -> Vec<Pair<'i>> {
+    pub(super) fn take_all(&mut self, rule: Rule) -> Vec<Pair<'i>> {
         std::iter::from_fn(|| self.take(rule)).collect()
     }
 }
@@ -57,6 +56,10 @@ const TOKENS: &[Rule] = {
         R::k_cells,
         R::k_size,
         R::k_file,
+        R::k_moved,
+        R::k_turned,
+        R::k_scaled,
+        R::k_about,
         R::k_map,
         R::k_region,
         R::k_refine,
@@ -136,11 +139,11 @@ impl Reader<'_> {
         pair.into_inner().filter(|p| !is_token(p)).collect()
     }
 
-    fn open<'i>(&self, pair: Pair<'i>) -> Parts<'i> {
+    pub(super) fn open<'i>(&self, pair: Pair<'i>) -> Parts<'i> {
         Parts(self.parts(pair).into_iter().peekable())
     }
 
-    fn only<'i>(&self, pair: Pair<'i>) -> Pair<'i> {
+    pub(super) fn only<'i>(&self, pair: Pair<'i>) -> Pair<'i> {
         self.open(pair).next()
     }
 
@@ -168,7 +171,7 @@ impl Reader<'_> {
     }
 
     /// The characters between the quotes.
-    fn text(&self, pair: &Pair<'_>) -> String {
+    pub(super) fn text(&self, pair: &Pair<'_>) -> String {
         pair.as_str().trim_matches('"').to_owned()
     }
 
@@ -274,29 +277,6 @@ impl Reader<'_> {
                     nodes; mean, max, min and integral(expression) on region use its integration points, reaction(u(1)) on \
                     region the nodes with prescribed values";
         Err(Box::new(d.help(help)))
-    }
-
-    fn mesh(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
-        let source = p.next();
-        let source = match source.as_rule() {
-            Rule::mesh_box => self.mesh_box(self.open(source))?,
-            _ => {
-                let path = self.only(source);
-                MeshSource::File { path: self.text(&path), span: self.span(&path) }
-            }
-        };
-        let map = p.take(Rule::mesh_map).map(|m| self.value(self.only(m))).transpose()?;
-        Ok(ItemKind::Mesh { source, map, options: self.options(&mut p)? })
-    }
-
-    fn mesh_box(&self, mut p: Parts<'_>) -> Parsed<MeshSource> {
-        let (from, to) = (self.value(p.next())?, self.value(p.next())?);
-        let division = p.next();
-        let by_cells = division.as_rule() == Rule::mesh_cells;
-        let size = self.value(self.only(division))?;
-        let division = if by_cells { BoxDivision::Cells(size) } else { BoxDivision::Size(size) };
-        let shape = p.take(Rule::shape).map(|s| (box_shape(s.as_str()), self.span(&s)));
-        Ok(MeshSource::Box { from, to, division, shape })
     }
 
     fn refine(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
@@ -560,7 +540,7 @@ impl Reader<'_> {
         Ok(ItemKind::Output { format, file, every, when, items, along, at, options: self.options(&mut p)? })
     }
 
-    fn options(&self, p: &mut Parts<'_>) -> Parsed<Vec<OptionItem>> {
+    pub(super) fn options(&self, p: &mut Parts<'_>) -> Parsed<Vec<OptionItem>> {
         let Some(options) = p.take(Rule::options) else {
             return Ok(Vec::new());
         };

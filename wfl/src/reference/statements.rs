@@ -12,10 +12,18 @@ pub(super) const ROWS: &[StatementRow] = &[
     },
     StatementRow {
         word: "mesh",
-        usage: "`mesh file \"m.msh\"`",
-        meaning: "Gmsh 2.2 or 4.1, ASCII or binary, also with wedges, pyramids and cells of several kinds \
-                  (`docs/gmsh.md`); its physical groups are regions",
+        usage: "`mesh file \"m.msh\", ...`",
+        meaning: "Gmsh 2.2 or 4.1, ASCII or binary, also with wedges, pyramids and cells of several kinds; `.inp` of \
+                  Abaqus and CalculiX; `.vtu` (`docs/gmsh.md`); its physical groups are regions. Of several files the \
+                  meshes stand together without common nodes; groups of one name and dimension are joined (W703)",
         default: "",
+    },
+    StatementRow {
+        word: "mesh",
+        usage: "`\"m.msh\" scaled by s turned by a about [..] moved by [..]`",
+        meaning: "behind a file: where its mesh is placed, in the order written. Angles in degrees, about an axis through \
+                  the origin, in the plane about the origin",
+        default: "as in the file",
     },
     StatementRow {
         word: "mesh",

@@ -99,7 +99,7 @@ impl Names {
         for item in items {
             if let ItemKind::Mesh { source, .. } = &item.kind {
                 match source {
-                    MeshSource::File { .. } => names.open_regions = true,
+                    MeshSource::Files(_) => names.open_regions = true,
                     MeshSource::Box { from, .. } => {
                         if let ExprKind::Tensor(rows) = &from.kind {
                             dimension = rows.iter().map(Vec::len).sum();

@@ -2,7 +2,10 @@
 
 use super::{Resolver, names::Kind};
 use crate::{
-    ast::{BoxDivision, Domain, Expr, ExprKind, Ident, MappingKind, MeshSource, OptionItem, OptionValue, Place, Rank},
+    ast::{
+        BoxDivision, Domain, Expr, ExprKind, Ident, MappingKind, MeshFile, MeshSource, OptionItem, OptionValue, Place,
+        Placing, Rank,
+    },
     ast::{Refine, RegionExpr, Space},
     codes::Code,
     diag::Diagnostic,
@@ -20,7 +23,9 @@ impl Resolver<'_> {
 
     pub(super) fn mesh_source(&mut self, source: &MeshSource) -> Option<MeshSource> {
         Some(match source {
-            MeshSource::File { .. } => source.clone(),
+            MeshSource::Files(files) => {
+                MeshSource::Files(files.iter().map(|f| self.mesh_file(f)).collect::<Option<_>>()?)
+            }
             MeshSource::Box { from, to, division, shape } => MeshSource::Box {
                 from: self.expr(from)?,
                 to: self.expr(to)?,
@@ -31,6 +36,18 @@ impl Resolver<'_> {
                 shape: *shape,
             },
         })
+    }
+
+    fn mesh_file(&mut self, file: &MeshFile) -> Option<MeshFile> {
+        let step = |placing: &Placing| {
+            Some(match placing {
+                Placing::Moved(e) => Placing::Moved(self.expr(e)?),
+                Placing::Turned(e, axis) => Placing::Turned(self.expr(e)?, self.optional(axis.as_ref())?),
+                Placing::Scaled(e) => Placing::Scaled(self.expr(e)?),
+            })
+        };
+        let placed = file.placed.iter().map(step).collect::<Option<_>>()?;
+        Some(MeshFile { path: file.path.clone(), span: file.span, placed })
     }
 
     pub(super) fn refine(&mut self, what: &Refine) -> Option<Refine> {

@@ -2,7 +2,7 @@
 //! say what unit coordinates have, where a param with a unit stands in them.
 
 use crate::{
-    ast::{BoxDivision, Expr, MeasureAt, MeshSource, RegionExpr},
+    ast::{BoxDivision, Expr, MeasureAt, MeshSource, Placing, RegionExpr},
     codes::Code,
     diag::Diagnostic,
     source::Span,
@@ -24,6 +24,15 @@ impl Pass<'_> {
         {
             [from, to].into_iter().for_each(|e| self.place(e));
             if let BoxDivision::Size(e) = division {
+                self.place(e);
+            }
+        }
+        let moved = script.mesh.iter().filter_map(|m| match &m.source {
+            MeshSource::Files(files) => Some(files.iter().flat_map(|f| &f.placed)),
+            MeshSource::Box { .. } => None,
+        });
+        for step in moved.flatten() {
+            if let Placing::Moved(e) = step {
                 self.place(e);
             }
         }

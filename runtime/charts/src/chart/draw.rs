@@ -42,8 +42,9 @@ impl Chart {
         let lost = self.lost();
         let h = (frame.bottom + self.below() + if lost > 0 { 16.0 } else { 0.0 }).round();
         let name = escape(&self.title);
+        let paper = self.paper_size([w, h]);
         svg.raw(&format!(
-            r#"<svg class="wfl" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {w:.0} {h:.0}" role="img" aria-label="{name}">"#
+            r#"<svg class="wfl" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {w:.0} {h:.0}"{paper} role="img" aria-label="{name}">"#
         ));
         if whole_file {
             svg.raw(&format!("<style>{}</style>", style()));
@@ -204,7 +205,7 @@ impl Chart {
 
 impl Map {
     /// The range of its ramp: the given one, or that of its numbers.
-    fn shown(&self) -> [f64; 2] {
+    pub(super) fn shown(&self) -> [f64; 2] {
         if let Some(range) = self.range {
             return range;
         }

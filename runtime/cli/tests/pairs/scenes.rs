@@ -102,6 +102,23 @@ pub(crate) fn clockwise() -> Pair {
         .near("plate.msh", "good.msh")
 }
 
+/// That plate and another one above it.
+fn two_plates(motion: &str) -> Pair {
+    let files = format!("\"plate.msh\", \"other.msh\" moved by {motion}");
+    let scene = ON_PLATE.replace("\"plate.msh\"", &files).replace("on west", "on west, west2");
+    let other = ["west", "east", "seam", "left", "right"]
+        .iter()
+        .fold(PLATE.to_owned(), |text, name| text.replace(&format!("\"{name}\""), &format!("\"{name}2\"")));
+    Pair::new("E718", scene).file("plate.msh", PLATE).file("other.msh", other)
+}
+
+/// That plate at two places.
+fn twice() -> Pair {
+    Pair::new("W703", ON_PLATE.replace("\"plate.msh\"", "\"plate.msh\", \"plate.msh\" moved by [0,2]"))
+        .file("plate.msh", PLATE)
+        .near("\"plate.msh\", ", "")
+}
+
 /// Pairs by code.
 pub(crate) fn pairs() -> Vec<Pair> {
     let measured = |value: &str| format!("{FLOW}measure value = max({value}) on all\n");
@@ -146,6 +163,8 @@ pub(crate) fn pairs() -> Vec<Pair> {
         )
         .near("Dot_u", "Dot2_u"),
         Pair::new("W404", MULTIPLIER).near("fix uL, uR =", "fix uL ="),
+        two_plates("[0, 2, 1]").near("[0, 2, 1]", "[0, 2]"),
+        twice(),
         Pair::new("W405", ON_PLATE).file("plate.msh", torn()).file("whole.msh", PLATE).near("plate.msh", "whole.msh"),
         Pair::new("W407", format!("{ON_PLATE}region seam = faces where x == 2\nmeasure m = mean(p) on seam\n"))
             .file("plate.msh", PLATE)

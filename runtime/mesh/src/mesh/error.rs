@@ -57,6 +57,14 @@ pub enum MeshError {
         /// Dimension of the mesh.
         dim: usize,
     },
+    /// Meshes of several files that cannot be one.
+    #[error("a mesh of dimension {first} and one of dimension {other} cannot stand in one scene")]
+    OtherDimension {
+        /// That of the first ones.
+        first: usize,
+        /// That of the next one.
+        other: usize,
+    },
     /// The list of cell nodes has the wrong length.
     #[error("the cells need {expected} node numbers, {found} are given")]
     ConnectivityLength {

@@ -19,7 +19,9 @@ mod raw;
 pub mod read;
 mod region;
 mod second_order;
+mod shapes;
 mod sheet;
+mod together;
 mod topology;
 mod turn;
 
@@ -41,7 +43,9 @@ pub use region::{
     pick_nodes,
 };
 pub use second_order::{Curves, along_curves, curved_in_space, curves, faces_of, second_order};
+pub use shapes::{CellShape, cell_shapes};
 pub use sheet::{Sheet, SheetError, both_sides, front_nodes, oriented_sheets, sheets_of};
+pub use together::{Placement, Together, together};
 pub use topology::{EdgeTable, Facet, Topology};
 
 use std::sync::{Arc, OnceLock};

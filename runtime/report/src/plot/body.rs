@@ -1,9 +1,9 @@
 //! Bodies: deformed and coloured, or cut.
 
-use wfl_charts::{Chart, Edge, Face, Ramp, Scale, Series, short};
+use wfl_charts::{Chart, Colour, Edge, Face, Ramp, Scale, Series, short};
 
 use super::{
-    PlotError, Request, Slice, Step, Warp, dimension,
+    Beside, PlotError, ProfileLine, Request, Slice, Step, Warp, dimension,
     field::{Numbers, Wanted, displacement, first_choice, joined, numbers},
     known_cells, scene,
     section::{line, other_axes, plane},
@@ -54,11 +54,12 @@ pub(super) fn pictures(
     request: &Request,
 ) -> Result<Vec<Picture>, PlotError> {
     if dimension(run) == 1 {
-        return bar(run, steps, wanted).map(|p| vec![p]);
+        let ends = line_of(run, steps, request)?.map_or([[0.0; 3]; 2], |line| line.ends);
+        return bar(run, steps, wanted).map(|p| vec![beside(p, ends, &request.beside)]);
     }
     if let Some(ends) = profile_ends(run, steps, request)? {
         let drawn = if run.minus.is_some() { both } else { profile };
-        return drawn(run, steps, wanted, ends).map(|p| vec![p]);
+        return drawn(run, steps, wanted, ends).map(|p| vec![beside(p, ends, &request.beside)]);
     }
     let mut shared = shared(run, steps, wanted, request)?;
     if steps.len() > 1 {
@@ -151,6 +152,8 @@ fn shared(run: &RunFolder, steps: &[Step], wanted: &Wanted, request: &Request) -
     }
     let factor = match request.warp {
         Warp::Factor(factor) => factor,
+        // an initial gap is not multiplied: with another factor bodies that close it overlap in the picture
+        Warp::Auto if run.is_mapped() => 1.0,
         Warp::Auto => automatic(far, extent),
     };
     let signed = low < 0.0 && high > 0.0 && low.abs().min(high) > SIGN * low.abs().max(high);
@@ -347,6 +350,30 @@ fn profile_ends(run: &RunFolder, steps: &[Step], request: &Request) -> Result<Op
     }
 }
 
+/// The line of a profile: the ends, and the value of the step variable at the last step that is drawn. `None` where no
+/// profile is drawn.
+pub(super) fn line_of(run: &RunFolder, steps: &[Step], request: &Request) -> Result<Option<ProfileLine>, PlotError> {
+    let Some((step, file)) = steps.last() else { return Ok(None) };
+    let ends = if dimension(run) == 1 {
+        let (whole, _) = read_whole(file, 1)?;
+        let [low, high] = span(whole.points.iter().map(|p| p[0]));
+        Some([[low, 0.0, 0.0], [high, 0.0, 0.0]])
+    } else {
+        profile_ends(run, steps, request)?
+    };
+    Ok(ends.map(|ends| ProfileLine { ends, time: run.time(*step) }))
+}
+
+/// A profile with the curves that are to stand beside it.
+fn beside(Picture { name, mut chart }: Picture, ends: [[f64; 3]; 2], curves: &[Beside]) -> Picture {
+    let line = Line::new(ends, 3);
+    for curve in curves {
+        let points = curve.points.iter().map(|[s, value]| [line.place(*s), *value]);
+        chart = chart.line(Series::new(curve.name.as_str(), points).dashed().colour(Colour::Ink));
+    }
+    Picture { name, chart }
+}
+
 /// The curves of two runs along a line, at the last of the steps.
 fn both(run: &RunFolder, steps: &[Step], wanted: &Wanted, ends: [[f64; 3]; 2]) -> Result<Picture, PlotError> {
     let (Some(step), Some(other)) = (steps.last(), &run.minus) else { return Err(PlotError::NoFields) };
@@ -393,15 +420,20 @@ impl Line {
     /// Places and numbers along it.
     fn values(&self, shot: &Shot, dim: usize) -> Result<Vec<[f64; 2]>, PlotError> {
         let ends = self.ends;
-        let length = (0..3).map(|d| ends[1][d] - ends[0][d]).fold(0.0f64, |s, x| s.hypot(x));
         let found = line(&shot.whole, &shot.cells, dim, ends, &shot.found.numbers);
         if found.is_empty() {
             let point = |p: [f64; 3]| p[..dim].iter().map(|x| short(*x)).collect::<Vec<_>>().join(", ");
             let what = format!("the line from ({}) to ({})", point(ends[0]), point(ends[1]));
             return Err(outside(shot, what, &[0, 1, 2][..dim]));
         }
-        let place = |s: f64| self.along.map_or(s * length, |d| ends[0][d] + s * (ends[1][d] - ends[0][d]));
-        Ok(found.into_iter().map(|[s, v]| [place(s), v]).collect())
+        Ok(found.into_iter().map(|[s, v]| [self.place(s), v]).collect())
+    }
+
+    /// The place on the axis of what lies at a part of the line.
+    fn place(&self, s: f64) -> f64 {
+        let ends = self.ends;
+        let length = (0..3).map(|d| ends[1][d] - ends[0][d]).fold(0.0f64, |s, x| s.hypot(x));
+        self.along.map_or(s * length, |d| ends[0][d] + s * (ends[1][d] - ends[0][d]))
     }
 
     /// The chart without its curves.

@@ -1,6 +1,6 @@
 //! Interfaces: contact states and the fields that live on them.
 
-use super::{PlotError, Request, Step, StepChoice, field::Wanted, scene};
+use super::{PlotError, Request, Step, field::Wanted, scene};
 use crate::{
     fault::{self, Interface},
     folder::{RunFolder, Series},
@@ -56,7 +56,7 @@ pub(super) fn pictures(
         pictures.append(&mut made);
     }
     // a name with the number of the step is for several
-    if request.step != StepChoice::All && pictures.len() == 1 {
+    if !request.step.is_several() && pictures.len() == 1 {
         pictures[0].name = wanted.part.as_ref().map_or(wanted.name.clone(), |part| format!("{}_{part}", wanted.name));
     }
     Ok((!pictures.is_empty()).then_some(pictures))

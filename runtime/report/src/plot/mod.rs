@@ -10,9 +10,10 @@ mod interface;
 mod over;
 mod section;
 mod skin;
-#[cfg(test)]
 pub(crate) use skin::skin;
 mod view;
+
+use wfl_charts::Chart;
 
 use crate::{
     folder::RunFolder,
@@ -27,15 +28,26 @@ pub use over::{Over, over};
 pub use view::View;
 
 /// The steps that are drawn.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum StepChoice {
     /// The last one with files.
     #[default]
     Last,
     /// All with files.
     All,
-    /// The one of this number.
-    Number(usize),
+    /// Those of these numbers.
+    Numbers(Vec<usize>),
+}
+
+impl StepChoice {
+    /// Pictures have the number of their step in their names.
+    fn is_several(&self) -> bool {
+        match self {
+            StepChoice::Last => false,
+            StepChoice::All => true,
+            StepChoice::Numbers(list) => list.len() > 1,
+        }
+    }
 }
 
 /// What displacements are multiplied by.
@@ -80,6 +92,21 @@ pub struct Request {
     pub range: Option<[f64; 2]>,
     /// Leave out the edges of the mesh.
     pub no_mesh: bool,
+    /// Only what lies between two corners, in the units of the axes.
+    pub zoom: Option<[[f64; 2]; 2]>,
+    /// Width on paper in millimetres.
+    pub width: Option<f64>,
+    /// Curves beside a profile, such as a closed form: names, and numbers at places along it.
+    pub beside: Vec<Beside>,
+}
+
+/// A curve beside a profile.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Beside {
+    /// What it is.
+    pub name: String,
+    /// From 0 at one end of the line to 1 at the other, and the number there.
+    pub points: Vec<[f64; 2]>,
 }
 
 /// Draws a field: one picture, or one for each step that is asked for.
@@ -87,13 +114,58 @@ pub struct Request {
 /// # Errors
 /// [`PlotError`] when files are damaged, or have not what is asked for.
 pub fn plots(run: &RunFolder, request: &Request) -> Result<Vec<Picture>, PlotError> {
+    if request.zoom.is_some() && dimension(run) == 3 && request.slice.is_none() {
+        let what = "a part is drawn of plane bodies, cuts and curves: in space with --slice or --line";
+        return Err(PlotError::Unfit(what.to_owned()));
+    }
+    let pictures = whole_pictures(run, request)?;
+    Ok(pictures.into_iter().map(|picture| fitted(picture, request)).collect())
+}
+
+/// The part of a picture that is asked for, in the size that is asked for.
+fn fitted(Picture { name, chart }: Picture, request: &Request) -> Picture {
+    Picture { name, chart: sized(chart, request.zoom, request.width) }
+}
+
+/// Where a profile is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ProfileLine {
+    /// Its ends.
+    pub ends: [[f64; 3]; 2],
+    /// The step variable at the last step that is drawn.
+    pub time: f64,
+}
+
+/// The line of the profile that a request draws; `None` where it draws none.
+///
+/// # Errors
+/// [`PlotError`] when files are damaged, or there is no such step.
+pub fn profile_line(run: &RunFolder, request: &Request) -> Result<Option<ProfileLine>, PlotError> {
+    let Some(grid) = run.grids.first() else { return Err(PlotError::NoFields) };
+    body::line_of(run, &steps(&grid.steps, &request.step)?, request)
+}
+
+/// A part of a chart, in a size on paper.
+#[must_use]
+pub fn sized(chart: Chart, zoom: Option<[[f64; 2]; 2]>, width: Option<f64>) -> Chart {
+    let chart = match zoom {
+        Some([low, high]) => chart.zoom(low, high),
+        None => chart,
+    };
+    match width {
+        Some(width) => chart.column(width),
+        None => chart,
+    }
+}
+
+fn whole_pictures(run: &RunFolder, request: &Request) -> Result<Vec<Picture>, PlotError> {
     let wanted = request.field.as_deref().map(Wanted::read);
     if run.grids.is_empty() {
         return Err(PlotError::NoFields);
     }
     let mut names: Vec<String> = Vec::new();
     for grid in &run.grids {
-        let steps = steps(&grid.steps, request.step)?;
+        let steps = steps(&grid.steps, &request.step)?;
         let dim = dimension(run);
         let Some((_, file)) = steps.last() else { continue };
         let (whole, new) = read_whole(file, dim)?;
@@ -122,19 +194,21 @@ pub fn plots(run: &RunFolder, request: &Request) -> Result<Vec<Picture>, PlotErr
 /// A step with its file.
 type Step = (usize, std::path::PathBuf);
 
-fn steps(all: &[Step], choice: StepChoice) -> Result<Vec<Step>, PlotError> {
+fn steps(all: &[Step], choice: &StepChoice) -> Result<Vec<Step>, PlotError> {
     let found: Vec<Step> = match choice {
         StepChoice::Last => all.last().cloned().into_iter().collect(),
         StepChoice::All => all.to_vec(),
-        StepChoice::Number(n) => all.iter().filter(|(step, _)| *step == n).cloned().collect(),
-    };
-    match (found.is_empty(), choice) {
-        (true, StepChoice::Number(asked)) => {
-            Err(PlotError::NoStep { asked, known: all.iter().map(|(step, _)| *step).collect() })
+        StepChoice::Numbers(list) => {
+            let mut found = Vec::with_capacity(list.len());
+            for asked in list {
+                let step = all.iter().find(|(step, _)| step == asked);
+                let known = || all.iter().map(|(step, _)| *step).collect();
+                found.push(step.ok_or_else(|| PlotError::NoStep { asked: *asked, known: known() })?.clone());
+            }
+            found
         }
-        (true, _) => Err(PlotError::NoFields),
-        _ => Ok(found),
-    }
+    };
+    if found.is_empty() { Err(PlotError::NoFields) } else { Ok(found) }
 }
 
 fn dimension(run: &RunFolder) -> usize {

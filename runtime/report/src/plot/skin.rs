@@ -17,6 +17,8 @@ const SHARP: f64 = 30.0;
 pub(crate) struct SkinFace {
     pub(crate) nodes: Vec<usize>,
     pub(crate) edges: Vec<Edge>,
+    /// The cell that it belongs to.
+    pub(crate) cell: usize,
 }
 
 /// A face of a cell: its corners around it, the nodes on its edges, and one in its middle.
@@ -25,6 +27,7 @@ struct Side {
     corners: Vec<usize>,
     middles: Vec<usize>,
     centre: Option<usize>,
+    cell: usize,
 }
 
 /// The faces that are seen. Edges of the mesh are marked if `mesh` is set.
@@ -70,7 +73,7 @@ fn outer(whole: &Whole, cells: &[usize]) -> Vec<Side> {
         key.sort_unstable();
         key
     };
-    let all: Vec<Side> = cells.iter().flat_map(|k| sides(&whole.cells[*k])).collect();
+    let all: Vec<Side> = cells.iter().flat_map(|k| sides(&whole.cells[*k], *k)).collect();
     let mut keys: Vec<([usize; 4], usize)> = all.iter().enumerate().map(|(k, side)| (key(side), k)).collect();
     keys.sort_unstable();
     let mut once = vec![false; all.len()];
@@ -83,11 +86,12 @@ fn outer(whole: &Whole, cells: &[usize]) -> Vec<Side> {
 }
 
 /// The sides of a cell: corners, edges in the order of the corners, and the middle, as `vtkCellType.h` numbers them.
-fn sides(cell: &WholeCell) -> Vec<Side> {
+fn sides(cell: &WholeCell, number: usize) -> Vec<Side> {
     let side = |corners: &[usize], middles: &[usize], centre: Option<usize>| Side {
         corners: corners.iter().map(|k| cell.nodes[*k]).collect(),
         middles: middles.iter().filter_map(|k| cell.nodes.get(*k).copied()).collect(),
         centre: centre.and_then(|k| cell.nodes.get(k).copied()),
+        cell: number,
     };
     match cell.kind {
         5 | 22 => vec![side(&[0, 1, 2], &[3, 4, 5], None)],
@@ -129,7 +133,7 @@ fn parts(side: &Side, edges: &[Edge]) -> Vec<SkinFace> {
     let (c, m) = (&side.corners, &side.middles);
     let n = c.len();
     if m.len() != n || (n == 4 && side.centre.is_none()) {
-        return vec![SkinFace { nodes: c.clone(), edges: edges.to_vec() }];
+        return vec![SkinFace { nodes: c.clone(), edges: edges.to_vec(), cell: side.cell }];
     }
     // a corner, the middle of its edge, what is inside, the middle of the edge before
     let mut parts: Vec<SkinFace> = (0..n)
@@ -139,15 +143,18 @@ fn parts(side: &Side, edges: &[Edge]) -> Vec<SkinFace> {
                 Some(centre) => SkinFace {
                     nodes: vec![c[k], m[k], centre, m[before]],
                     edges: vec![edges[k], Edge::None, Edge::None, edges[before]],
+                    cell: side.cell,
                 },
-                None => {
-                    SkinFace { nodes: vec![c[k], m[k], m[before]], edges: vec![edges[k], Edge::None, edges[before]] }
-                }
+                None => SkinFace {
+                    nodes: vec![c[k], m[k], m[before]],
+                    edges: vec![edges[k], Edge::None, edges[before]],
+                    cell: side.cell,
+                },
             }
         })
         .collect();
     if side.centre.is_none() {
-        parts.push(SkinFace { nodes: m.clone(), edges: vec![Edge::None; n] });
+        parts.push(SkinFace { nodes: m.clone(), edges: vec![Edge::None; n], cell: side.cell });
     }
     parts
 }
@@ -187,7 +194,7 @@ mod tests {
     #[test]
     fn normals_of_the_sides_point_outwards() {
         let whole = cubes();
-        for side in sides(&whole.cells[0]) {
+        for side in sides(&whole.cells[0], 0) {
             let n = normal(&whole, &side.corners);
             let middle = side
                 .corners
@@ -205,7 +212,7 @@ mod tests {
             let cell = WholeCell { kind, nodes: (0..points.len()).collect() };
             let whole = Whole { points, cells: vec![cell], ..Whole::default() };
             assert_eq!(skin(&whole, &[0], true).len(), 5);
-            for side in sides(&whole.cells[0]) {
+            for side in sides(&whole.cells[0], 0) {
                 let (n, at) = (normal(&whole, &side.corners), whole.points[side.corners[0]]);
                 assert!((0..3).map(|i| n[i] * (at[i] - centre[i])).sum::<f64>() > 0.1, "{kind} {side:?}");
             }

@@ -12,7 +12,7 @@ use wfl_runtime::knobs::number;
 
 use super::{
     Job,
-    front::{front, method, points, quantities, source, words},
+    front::{front, method, points, quantities, source, title, words},
     page,
     table::{self, Row},
     verdict::{self, Met},
@@ -372,7 +372,7 @@ fn own_errors(rows: &[Row]) -> String {
     let own = |q: &String| {
         let column = format!("reference error {q}");
         let largest = rows.iter().filter_map(|r| r.value(&column)).max_by(f64::total_cmp)?;
-        Some(format!("{} {largest:.1e}", page::title(q)))
+        Some(format!("{} {largest:.1e}", title(q)))
     };
     let list: Vec<String> = fields.iter().filter_map(own).collect();
     if list.is_empty() { String::new() } else { format!("\nEstimated errors of the reference: {}.\n", list.join(", ")) }
@@ -381,7 +381,7 @@ fn own_errors(rows: &[Row]) -> String {
 /// The Pareto front of a quantity, with the source of each error.
 fn front_of(rows: &[Row], quantity: &str) -> String {
     let all = points(rows, quantity);
-    let mut text = format!("\nPareto front, {}:\n\n", page::title(quantity));
+    let mut text = format!("\nPareto front, {}:\n\n", title(quantity));
     text += "| setting | time [s] | error | main source |\n|---|---|---|---|\n";
     for p in front(&all) {
         text += &format!("| `{}` | {:.3} | {:.1e} | {} |\n", words(p.row), p.time, p.error, source(p, &all, quantity));

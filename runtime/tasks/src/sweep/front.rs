@@ -103,6 +103,15 @@ pub(super) fn cheapest<'r>(points: &[Point<'r>], wanted: f64) -> Option<Point<'r
     points.iter().filter(|p| p.error <= wanted).min_by(|a, b| a.time.total_cmp(&b.time)).copied()
 }
 
+/// A quantity in words.
+pub(super) fn title(quantity: &str) -> String {
+    match quantity {
+        "L2" => "unknowns (L2)".to_owned(),
+        "H1" => "gradients of the unknowns (H1)".to_owned(),
+        other => other.to_owned(),
+    }
+}
+
 /// The method and knobs of a row as texts: column and value.
 pub(super) fn setting(row: &Row) -> Vec<(&str, &str)> {
     row.columns().filter(|c| *c == "scene" || c.starts_with("knob ")).map(|c| (c, row.text(c))).collect()

@@ -10,6 +10,7 @@
 //! these.
 
 mod clock;
+mod convergence;
 mod examples;
 mod front;
 mod lists;
@@ -134,7 +135,7 @@ fn plan(methods: &[Method], problems: usize) -> Plan {
     files.extend((1..=methods.len() * problems).map(reference_file));
     let outputs = methods.iter().flat_map(|m| &m.known.loaded.script.outputs).flat_map(|o| &o.items);
     let quantities = ["L2", "H1"].into_iter().chain(outputs.map(|i| i.name.as_str()));
-    files.extend(quantities.map(|q| format!("{}.svg", page::plot_name(q))));
+    files.extend(quantities.flat_map(|q| [page::plot_name(q), convergence::file(q)]).map(|name| format!("{name}.svg")));
     Plan { files, ..Plan::default() }
 }
 
@@ -169,7 +170,7 @@ pub fn plot(folders: &[PathBuf], listener: &dyn Listener) -> Result<(), String> 
 
 fn replot(folder: &Path, rows: &[Row]) -> Result<(), OutputError> {
     let dir = OutputDir::open(folder)?;
-    let charts = page::charts(rows).into_iter().map(|(name, _)| format!("{name}.svg"));
+    let charts = page::charts(rows).into_iter().chain(convergence::charts(rows)).map(|(name, _)| format!("{name}.svg"));
     let files = charts.chain([page::PAGE_FILE.to_owned()]).collect();
     dir.go_on(Kind::Sweep, &Plan { files, ..Plan::default() })?;
     page::write(&dir, rows)?;

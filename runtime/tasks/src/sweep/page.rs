@@ -6,9 +6,10 @@ use wfl_charts::{Chart, Colour, Page, Scale, Section, Series, Table};
 use wfl_runtime::output::{OutputDir, OutputError};
 
 use super::{
+    convergence,
     front::{
         PROBLEM, Point, TRUSTED, WANTED, cheapest, doubt, front, known_points, method, points, problems, quantities,
-        source, words,
+        source, title, words,
     },
     table::{Row, write_text},
 };
@@ -18,7 +19,7 @@ pub(super) const PAGE_FILE: &str = "sweep.html";
 
 /// Writes page and plots into the folder of a sweep.
 pub(super) fn write(dir: &OutputDir, rows: &[Row]) -> Result<(), OutputError> {
-    for (name, chart) in charts(rows) {
+    for (name, chart) in charts(rows).into_iter().chain(convergence::charts(rows)) {
         write_text(dir, &format!("{name}.svg"), &chart.svg())?;
     }
     write_text(dir, PAGE_FILE, &page(rows).html())
@@ -40,15 +41,6 @@ pub(super) fn with_refined(chart: Chart, runs: &[[f64; 2]]) -> Chart {
 pub(super) fn plot_name(quantity: &str) -> String {
     let word: String = quantity.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     format!("trade_{word}")
-}
-
-/// A quantity in words.
-pub(super) fn title(quantity: &str) -> String {
-    match quantity {
-        "L2" => "unknowns (L2)".to_owned(),
-        "H1" => "gradients of the unknowns (H1)".to_owned(),
-        other => other.to_owned(),
-    }
 }
 
 /// The error of the gradients of a scene over its unknowns: uniform meshes by degree, and the way of a search.
@@ -118,6 +110,7 @@ fn page(rows: &[Row]) -> Page {
         plots = plots.chart(&chart);
     }
     page = page.section(plots);
+    page = convergence::section(rows).into_iter().fold(page, Page::section);
     let wanted = wanted(rows);
     page = page.section(
         Section::new("Demanded error and cheapest setting")

@@ -58,7 +58,7 @@ pub(super) fn resolution(known: &Known) -> BTreeSet<String> {
     let script = &known.loaded.script;
     let division = script.mesh.as_ref().and_then(|m| match &m.source {
         MeshSource::Box { division: BoxDivision::Cells(e) | BoxDivision::Size(e), .. } => Some(e),
-        MeshSource::File { .. } => None,
+        MeshSource::Files(_) => None,
     });
     let steps = script.steps.as_ref().map(|s| &s.by);
     let options = script.solver.iter().flat_map(|s| &s.options).filter_map(|o: &OptionItem| match &o.value {
@@ -72,7 +72,7 @@ pub(super) fn resolution(known: &Known) -> BTreeSet<String> {
 fn given(script: &ResolvedScript) -> impl Iterator<Item = &Expr> {
     let corners = script.mesh.iter().flat_map(|m| match &m.source {
         MeshSource::Box { from, to, .. } => vec![from, to],
-        MeshSource::File { .. } => Vec::new(),
+        MeshSource::Files(_) => m.source.placing().collect(),
     });
     let map = script.mesh.iter().filter_map(|m| m.map.as_ref());
     let acting = script.fixes.iter().chain(&script.loads).map(|c| &c.value);

@@ -8,11 +8,13 @@
 
 mod deck;
 mod element;
+mod pairs;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use deck::{Deck, Instance, Member, Part, Set, Surface};
 use element::Shape;
+pub use pairs::{DeckPair, deck_pairs};
 
 use super::{
     error::{Place, ReadError},

@@ -31,10 +31,22 @@ impl ReadError {
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// No reader knows the first bytes.
-    #[error("not a mesh file of a known format (Gmsh 2.2 and 4.1, and input files of Abaqus and CalculiX are read)")]
+    #[error(
+        "not a mesh file of a known format (Gmsh 2.2 and 4.1, input files of Abaqus and CalculiX, and .vtu are read)"
+    )]
     UnknownFormat,
+    /// A format that is known, but not read.
+    #[error("this is {what}, which is not read; convert it: {cure}")]
+    Other {
+        /// What the file is.
+        what: &'static str,
+        /// The command that converts it.
+        cure: &'static str,
+    },
     /// A Gmsh file of another version or number size.
-    #[error("Gmsh file format {found} is not read, save the mesh as 2.2 or 4.1")]
+    #[error(
+        "Gmsh file format {found} is not read, save the mesh as 2.2 or 4.1: `gmsh part.msh -save -format msh41 -o new.msh`"
+    )]
     Version {
         /// Version found, with the number size when that is the trouble.
         found: String,

@@ -1,7 +1,11 @@
 //! Common parts of both Gmsh formats: header, physical names, element types, and the conversion of numbered nodes and
 //! elements to a [`RawMesh`].
 
+mod complete;
+
 use std::collections::BTreeMap;
+
+use complete::complete;
 
 use super::{
     cursor::Cursor,
@@ -19,36 +23,49 @@ use crate::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ElementType {
     pub(super) kind: CellKind,
-    order: usize,
+    pub(super) order: usize,
+    /// Nodes in the middle of quadrilaterals and of a hexahedron are left out; they would be the last ones.
+    pub(super) serendipity: bool,
 }
+
+/// Types of second order without nodes in the middle of faces: Gmsh's number, kind, number of nodes.
+const SERENDIPITY: [(i64, CellKind, usize); 4] = [
+    (16, CellKind::Quadrilateral, 8),
+    (17, CellKind::Hexahedron, 20),
+    (18, CellKind::Wedge, 15),
+    (19, CellKind::Pyramid, 13),
+];
 
 impl ElementType {
     /// Place in Gmsh's node list of each node of our Lagrange element.
-    fn nodes(self) -> &'static [usize] {
+    pub(super) fn nodes(self) -> &'static [usize] {
         self.kind.gmsh(self.order).nodes
     }
 }
 
 /// The element type with this number. `place` is called only for an error: finding a line is slow.
 pub(super) fn find_type(code: i64, element: u64, place: impl FnOnce() -> Place) -> Result<ElementType, ReadError> {
-    let all =
-        [1, 2].into_iter().flat_map(|order| CellKind::ALL.into_iter().map(move |kind| ElementType { kind, order }));
-    let found = all.into_iter().find(|t| t.kind.gmsh(t.order).code == code);
+    let all = [1, 2]
+        .into_iter()
+        .flat_map(|order| CellKind::ALL.into_iter().map(move |kind| ElementType { kind, order, serendipity: false }));
+    let bare = SERENDIPITY.iter().find(|row| row.0 == code);
+    let bare = bare.map(|(_, kind, _)| ElementType { kind: *kind, order: 2, serendipity: true });
+    let found = all.into_iter().find(|t| t.kind.gmsh(t.order).code == code).or(bare);
     found.ok_or_else(|| ReadError::ElementType {
         element,
         code,
         name: match code {
-            16 => "quadrilateral with 8 nodes",
-            17 => "hexahedron with 20 nodes",
-            18 => "wedge (prism) with 15 nodes",
-            19 => "pyramid with 13 nodes",
             20..=28 => "line or triangle of higher order",
-            29..=31 => "tetrahedron of higher order",
+            29..=33 => "tetrahedron of higher order",
+            36..=62 => "line, triangle or quadrilateral of higher order",
+            71..=75 | 79..=83 | 92..=98 => "tetrahedron or hexahedron of higher order",
+            90 | 91 | 106..=121 => "wedge or pyramid of higher order",
             _ => "cell of unknown shape",
         },
         remedy: match code {
-            16..=19 => "; write the mesh with `Mesh.SecondOrderIncomplete = 0`",
-            20..=31 => "; write the mesh with `Mesh.ElementOrder = 2`",
+            20..=33 | 36..=62 | 71..=75 | 79..=83 | 90..=98 | 106..=121 => {
+                "; write the mesh with `Mesh.ElementOrder = 2`: `gmsh part.geo -3 -order 2 -o part.msh`"
+            }
             _ => "",
         },
         place: place(),
@@ -156,11 +173,13 @@ pub(super) struct Block {
 }
 
 impl ElementType {
+    /// Number of nodes in the file.
     pub(super) fn n_nodes(self) -> usize {
-        self.nodes().len()
+        let bare = SERENDIPITY.iter().find(|row| self.serendipity && row.1 == self.kind);
+        bare.map_or(self.nodes().len(), |row| row.2)
     }
 
-    fn dim(self) -> usize {
+    pub(super) fn dim(self) -> usize {
         self.kind.dim()
     }
 }
@@ -175,7 +194,7 @@ pub(super) struct Contents {
 }
 
 /// From node numbers of the file to positions.
-enum NodeMap {
+pub(super) enum NodeMap {
     /// `positions[number]`, `u32::MAX` where there is no such node.
     Dense(Vec<u32>),
     /// Sorted pairs, when the numbers are far apart.
@@ -183,7 +202,7 @@ enum NodeMap {
 }
 
 impl NodeMap {
-    fn new(numbers: &[u64]) -> Result<NodeMap, ReadError> {
+    pub(super) fn new(numbers: &[u64]) -> Result<NodeMap, ReadError> {
         let highest = numbers.iter().copied().max().unwrap_or(0);
         if highest / 8 <= numbers.len() as u64 + 1000 {
             let mut positions = vec![u32::MAX; highest as usize + 1];
@@ -204,7 +223,7 @@ impl NodeMap {
         }
     }
 
-    fn find(&self, number: u64) -> Option<u32> {
+    pub(super) fn find(&self, number: u64) -> Option<u32> {
         match self {
             NodeMap::Dense(positions) => {
                 let position = *positions.get(usize::try_from(number).ok()?)?;
@@ -227,7 +246,7 @@ impl Contents {
     }
 
     /// The mesh of the elements of highest dimension; the others only fill groups.
-    pub(super) fn into_raw(self) -> Result<RawMesh, ReadError> {
+    pub(super) fn into_raw(mut self) -> Result<RawMesh, ReadError> {
         let used = self.blocks.iter().filter(|b| !b.elements.is_empty());
         let dim = used.map(|b| b.element_type.dim()).max().unwrap_or(0);
         if dim == 0 {
@@ -235,6 +254,7 @@ impl Contents {
             return Err(ReadError::MissingSection { section });
         }
         let order = self.order(dim)?;
+        complete(&mut self, dim)?;
         let map = NodeMap::new(&self.node_numbers)?;
         let mut raw = RawMesh { dim, order, ..RawMesh::default() };
         let mut groups = Groups::default();

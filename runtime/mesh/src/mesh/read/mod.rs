@@ -1,4 +1,4 @@
-//! Mesh files: Gmsh MSH 2.2 and 4.1, ASCII and binary; input files of Abaqus and CalculiX.
+//! Mesh files: Gmsh MSH 2.2 and 4.1, ASCII and binary; input files of Abaqus and CalculiX; grids of VTK (`.vtu`).
 //!
 //! Promises: a file gives a [`RawMesh`] or an error with its place in the file; nothing in a file
 //! can make the reader panic or allocate more than a small multiple of the file's size. What the
@@ -11,7 +11,10 @@ mod error;
 mod gmsh;
 mod msh2;
 mod msh4;
+mod other;
+mod vtu;
 
+pub use abaqus::{DeckPair, deck_pairs};
 pub use error::{Place, ReadError};
 
 use super::{Mesh, raw::RawMesh};
@@ -22,10 +25,11 @@ struct Reader {
     parse: fn(&[u8]) -> Result<RawMesh, ReadError>,
 }
 
-const READERS: [Reader; 3] = [
+const READERS: [Reader; 4] = [
     Reader { recognises: abaqus::recognises, parse: abaqus::parse },
     Reader { recognises: msh2::recognises, parse: msh2::parse },
     Reader { recognises: msh4::recognises, parse: msh4::parse },
+    Reader { recognises: vtu::recognises, parse: vtu::parse },
 ];
 
 /// The mesh in the contents of a file, checked. Physical groups become [`Group`](super::Group)s; an unnamed one is
@@ -47,7 +51,9 @@ pub fn parse_mesh(bytes: &[u8]) -> Result<RawMesh, ReadError> {
     }
     match gmsh::version(bytes) {
         Some(found) => Err(ReadError::Version { found }),
-        None => Err(ReadError::UnknownFormat),
+        None => {
+            Err(other::told(bytes).map_or(ReadError::UnknownFormat, |(what, cure)| ReadError::Other { what, cure }))
+        }
     }
 }
 

@@ -168,8 +168,9 @@ fn errors_name_the_place() {
     assert_eq!(n("$Nodes\n3", "$Nodes\n2"), "line 8: found `9`, needed $EndNodes");
     assert_eq!(n("$Nodes\n3", "$Nodes\n-3"), "line 5: found `-3`, needed the number of nodes");
     assert_eq!(
-        e("5 2 2", "5 18 2"),
-        "line 12: element 5 is a wedge (prism) with 15 nodes (Gmsh type 18), which is not supported; write the mesh with `Mesh.SecondOrderIncomplete = 0`"
+        e("5 2 2", "5 21 2"),
+        "line 12: element 5 is a line or triangle of higher order (Gmsh type 21), which is not supported; write the mesh \
+         with `Mesh.ElementOrder = 2`: `gmsh part.geo -3 -order 2 -o part.msh`"
     );
     assert_eq!(e("1 1 2 9", "1 1 2"), "line 13: found `$EndElements`, needed a node of an element");
     assert_eq!(e("1 2 9", "2 1 9"), "element 5 is inside out: its jacobian determinant is -1e0 everywhere checked");
@@ -181,10 +182,13 @@ fn errors_name_the_place() {
          volume, a mesh of dimension 2 must be flat"
     );
     assert_eq!(
-        message("solid cube"),
-        "not a mesh file of a known format (Gmsh 2.2 and 4.1, and input files of Abaqus and CalculiX are read)"
+        message("cube"),
+        "not a mesh file of a known format (Gmsh 2.2 and 4.1, input files of Abaqus and CalculiX, and .vtu are read)"
     );
-    assert_eq!(message("$MeshFormat\n4 0 8\n"), "Gmsh file format 4 is not read, save the mesh as 2.2 or 4.1");
+    assert_eq!(
+        message("$MeshFormat\n4 0 8\n"),
+        "Gmsh file format 4 is not read, save the mesh as 2.2 or 4.1: `gmsh part.msh -save -format msh41 -o new.msh`"
+    );
     assert_eq!(message(&format!("{HEAD}$Nodes\n")), "line 5: the file ends where the number of nodes is needed");
 }
 

@@ -4,14 +4,14 @@ use super::element::{Shape, shape};
 use crate::mesh::read::error::{Place, ReadError};
 
 /// A keyword with the lines below it.
-struct Section {
-    line: usize,
+pub(super) struct Section {
+    pub(super) line: usize,
     /// In capitals, without the star.
-    keyword: String,
+    pub(super) keyword: String,
     /// Parameters in capitals, with values as written.
     parameters: Vec<(String, String)>,
     /// Data lines with their numbers.
-    data: Vec<(usize, Vec<String>)>,
+    pub(super) data: Vec<(usize, Vec<String>)>,
 }
 
 /// A member of a set.
@@ -79,7 +79,7 @@ pub(super) struct Deck {
 }
 
 impl Section {
-    fn value(&self, name: &str) -> Option<&str> {
+    pub(super) fn value(&self, name: &str) -> Option<&str> {
         self.parameters.iter().find(|p| p.0 == name).map(|p| p.1.as_str())
     }
 
@@ -99,7 +99,7 @@ fn words(line: &str) -> Vec<String> {
 }
 
 /// The keywords of a text, each with its data.
-fn sections(bytes: &[u8]) -> Vec<Section> {
+pub(super) fn sections(bytes: &[u8]) -> Vec<Section> {
     let text = String::from_utf8_lossy(bytes);
     let mut out: Vec<Section> = Vec::new();
     let mut continued = false;
@@ -205,7 +205,13 @@ impl Part {
             }
             "SURFACE" => self.surface(section),
             word @ ("INCLUDE" | "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY" | "SYSTEM") => {
-                let what = format!("*{word} is not followed: write all nodes and elements into one file");
+                let what = match section.value("INPUT").filter(|_| word == "INCLUDE") {
+                    Some(file) => format!(
+                        "*INCLUDE is not followed: if `{file}` has the nodes and elements, give that file to `mesh file`; \
+                         otherwise write all of them into one file"
+                    ),
+                    None => format!("*{word} is not followed: write all nodes and elements into one file"),
+                };
                 Err(ReadError::deck(section.line, what))
             }
             _ => Ok(()),
@@ -303,9 +309,9 @@ impl Part {
     }
 }
 
-/// `S3`, of a face of an element.
+/// `S3`, of a face of an element; `E3` of an edge of a shell, which is such a face of a cell of the plane.
 fn face_number(line: usize, word: &str) -> Result<usize, ReadError> {
-    let digits = word.strip_prefix(['S', 's']).and_then(|d| d.parse().ok()).filter(|n| (1..=6).contains(n));
+    let digits = word.strip_prefix(['S', 's', 'E', 'e']).and_then(|d| d.parse().ok()).filter(|n| (1..=6).contains(n));
     digits.ok_or_else(|| ReadError::deck(line, format!("found `{word}`, needed a face of an element, S1 to S6")))
 }
 

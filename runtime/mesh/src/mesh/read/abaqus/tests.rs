@@ -131,7 +131,7 @@ fn what_cannot_be_read_is_told_with_its_line() {
         ("*INCLUDE, INPUT=mesh.inp\n", "line 1: *INCLUDE is not followed"),
         ("*NODE\n1, 0., zero\n", "line 2: found `zero`"),
         ("*NODE, SYSTEM=C\n1, 0., 0.\n", "SYSTEM="),
-        ("*NODE\n1, 0., 0.\n*ELEMENT, TYPE=CPS8\n1, 1\n", "line 4: element 1 is a CPS8"),
+        ("*NODE\n1, 0., 0.\n*ELEMENT, TYPE=SPRINGA\n1, 1\n", "line 4: element 1 is a SPRINGA"),
         ("*NODE\n1, 0., 0.\n*ELEMENT\n1, 1\n", "line 3: *ELEMENT has no TYPE="),
         (&format!("{node}*ELEMENT, TYPE=CPS3\n1, 1, 2\n"), "element 1 has 2 nodes, CPS3 has 3"),
         (&format!("{node}*ELEMENT, TYPE=CPS3\n1, 1, 2, 3, 3\n"), "element 1 has 4 nodes, CPS3 has 3"),

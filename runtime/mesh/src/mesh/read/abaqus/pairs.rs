@@ -1,0 +1,82 @@
+//! Contact pairs and ties of a deck: no part of the mesh, but what whoever brings a deck wants to find again.
+
+use super::deck::{Section, sections};
+
+/// A contact pair or a tie of a deck.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeckPair {
+    /// The surface whose points are held off (slave, dependent).
+    pub here: String,
+    /// The surface that they meet (master, independent).
+    pub there: String,
+    /// The coefficient of friction, if there is one above 0.
+    pub friction: Option<f64>,
+    /// The two are joined, and not only in contact.
+    pub is_tie: bool,
+    /// The line of the keyword.
+    pub line: usize,
+}
+
+/// The pairs in the contents of a file of Abaqus or CalculiX; none of another file.
+#[must_use]
+pub fn deck_pairs(bytes: &[u8]) -> Vec<DeckPair> {
+    if !super::recognises(bytes) {
+        return Vec::new();
+    }
+    let all = sections(bytes);
+    let mut pairs = Vec::new();
+    for section in all.iter().filter(|s| matches!(s.keyword.as_str(), "CONTACT PAIR" | "TIE")) {
+        let is_tie = section.keyword == "TIE";
+        let friction = section.value("INTERACTION").and_then(|name| friction(&all, name)).filter(|mu| *mu > 0.0);
+        for (_, words) in &section.data {
+            if let [here, there, ..] = words.as_slice() {
+                let plain = |name: &String| name.replace('.', "_");
+                pairs.push(DeckPair {
+                    here: plain(here),
+                    there: plain(there),
+                    friction: friction.filter(|_| !is_tie),
+                    is_tie,
+                    line: section.line,
+                });
+            }
+        }
+    }
+    pairs
+}
+
+/// The coefficient behind `*FRICTION` of a surface interaction.
+fn friction(all: &[Section], name: &str) -> Option<f64> {
+    let own = |s: &Section| {
+        s.keyword == "SURFACE INTERACTION" && s.value("NAME").is_some_and(|n| n.eq_ignore_ascii_case(name))
+    };
+    let start = all.iter().position(own)? + 1;
+    let inside = all[start..].iter().take_while(|s| s.keyword != "SURFACE INTERACTION" && s.keyword != "STEP");
+    let found = inside.filter(|s| s.keyword == "FRICTION").find_map(|s| s.data.first());
+    found?.1.first()?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pairs_have_the_friction_of_their_interaction() {
+        let deck = "*HEADING\n*SURFACE INTERACTION, NAME=A\n*SURFACE BEHAVIOR\n1e5\n*FRICTION\n0.3, 1e4\n\
+                    *SURFACE INTERACTION, NAME=B\n*CONTACT PAIR, INTERACTION=a, TYPE=SURFACE TO SURFACE\nup, low\n\
+                    *CONTACT PAIR, INTERACTION=B\ninst.x, y\n*TIE, NAME=t\np, q\n";
+        let pair = |here: &str, there: &str, friction, is_tie, line| DeckPair {
+            here: here.to_owned(),
+            there: there.to_owned(),
+            friction,
+            is_tie,
+            line,
+        };
+        let expected = vec![
+            pair("up", "low", Some(0.3), false, 8),
+            pair("inst_x", "y", None, false, 10),
+            pair("p", "q", None, true, 12),
+        ];
+        assert_eq!(deck_pairs(deck.as_bytes()), expected);
+        assert!(deck_pairs(b"$MeshFormat\n").is_empty());
+    }
+}
