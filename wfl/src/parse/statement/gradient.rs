@@ -8,10 +8,10 @@ impl Reader<'_> {
         let results = p.take_all(Rule::result);
         let results = results.into_iter().map(|result| self.result(result)).collect::<Parsed<_>>()?;
         let (mut parameters, mut fields) = (Vec::new(), Vec::new());
-        for moved in p.take_all(Rule::moved) {
-            let name = self.only(moved);
+        for varied in p.take_all(Rule::varied) {
+            let name = self.only(varied);
             match name.as_rule() {
-                Rule::moved_field => fields.push(self.ident(&self.only(name))),
+                Rule::varied_field => fields.push(self.ident(&self.only(name))),
                 _ => parameters.push(self.ident(&name)),
             }
         }
