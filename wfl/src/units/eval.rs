@@ -53,7 +53,7 @@ pub(super) struct Pass<'s> {
     pub(super) solved: Solved,
     /// Units of params, fields, measures and outputs.
     pub(super) units: BTreeMap<&'s str, Value>,
-    /// By unknown the unit of its equations, which reactions and balances add up; where it is known.
+    /// By unknown the unit of its equations, which reactions add up; where it is known.
     pub(super) forces: BTreeMap<String, Unit>,
     pub(super) equations: Vec<Equation>,
     pub(super) diagnostics: Vec<Diagnostic>,

@@ -290,11 +290,9 @@ impl<'s> Pass<'s> {
             Reduction::Integral => measure.places.first().and_then(|p| self.size_of(p)),
             Reduction::Mean | Reduction::Max | Reduction::Min | Reduction::Value => Some(Unit::pure()),
             Reduction::Reaction => self.per_unknown(&measure.expr),
-            Reduction::Balance(_) => self.of_balance(measure),
+            Reduction::Balance(_) => None,
         };
         let value = match measure.reduction {
-            // what is added up are the equations alone
-            Reduction::Balance(_) => size.map_or_else(Value::lost, |unit| Value::of(Some(unit))),
             Reduction::Reaction if size.is_none() => Value::lost(),
             _ => value.map(|u| size.as_ref().and_then(|s| s.times(u))),
         };
@@ -308,12 +306,6 @@ impl<'s> Pass<'s> {
         each_name(e, &mut |word| roots.push(split_prefixes(word).1.to_owned()));
         let (name, force) = roots.iter().find_map(|root| Some((root, self.forces.get(root)?)))?;
         force.over(self.units.get(name.as_str())?.unit()?)
-    }
-
-    /// The unit of the equations that a balance adds up: that of the first one which is known.
-    fn of_balance(&self, measure: &Measure) -> Option<Unit> {
-        let balance = self.scene.script.balances.iter().find(|b| b.span == measure.span)?;
-        balance.fields.iter().find_map(|field| self.forces.get(&field.name)).cloned()
     }
 
     fn measures(&mut self) {

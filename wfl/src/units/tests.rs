@@ -214,14 +214,13 @@ fn terms_of_a_mixed_problem_are_compared_by_test_function() {
 }
 
 #[test]
-fn reactions_and_balances_have_the_unit_of_their_equations() {
+fn reactions_have_the_unit_of_their_equations() {
     let with = |lines: &str| found(&scene(&format!("fix u = [0,0] on west\n{lines}")));
     for (measured, right, wrong) in [
         ("measure r = reaction(u(1)) on west\n", "r < s*l", "r < s"),
         ("measure r = reaction(x*u(2)) on west\n", "r < s*l^2", "r < s*l"),
         ("measure r = reaction(u(1)) on west\nmeasure g = r/l\n", "g < s", "g < s*l"),
         ("measure g = reaction(u(1))/l on west\n", "g < s", "g < s*l"),
-        ("balance fluid of p\n", "fluid_lost < l^2", "fluid_lost < l"),
     ] {
         assert_eq!(with(&format!("{measured}expect {right}")), [""; 0], "{right}");
         let all = with(&format!("{measured}expect {wrong}"));
