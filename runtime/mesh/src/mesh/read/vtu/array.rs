@@ -22,7 +22,7 @@ impl Data {
     }
 
     fn count(&self, x: f64) -> Result<usize, ReadError> {
-        if x >= 0.0 && x < 9e15 && x.fract() == 0.0 {
+        if (0.0..9e15).contains(&x) && x.fract() == 0.0 {
             return Ok(x as usize);
         }
         Err(wrong(self.at, format!("found {x} where a count or the number of a node is needed")))
