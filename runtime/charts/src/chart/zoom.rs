@@ -202,7 +202,7 @@ mod tests {
         let line = [[0.0, 0.0], [1.0, 0.5], [2.0, 2.0], [3.0, 0.0], [4.0, 0.0], [5.0, f64::NAN]];
         let found = pieces(&line, &Side::of([0.5, 0.0], [9.0, 1.0]));
         let expected =
-            vec![vec![[0.5, 0.25], [1.0, 0.5], [1.0 + 1.0 / 3.0, 1.0]], vec![[2.5, 1.0], [3.0, 0.0], [4.0, 0.0]]];
+            [vec![[0.5, 0.25], [1.0, 0.5], [1.0 + 1.0 / 3.0, 1.0]], vec![[2.5, 1.0], [3.0, 0.0], [4.0, 0.0]]];
         assert_eq!(found.len(), 2);
         for (a, b) in found.iter().flatten().flatten().zip(expected.iter().flatten().flatten()) {
             assert!((a - b).abs() < 1e-12, "{found:?}");
