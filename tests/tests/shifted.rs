@@ -43,30 +43,8 @@ impl Case {
         let end: Vec<String> = (0..dim).map(|k| format!("{:?}", offset + size(k))).collect();
         let cells = if dim == 2 { "[6, 4]" } else { "[6, 2, 2]" };
         let (middle, top, side) = (offset + h, offset + 2.0 * h, offset + 1.5 * h);
-        let within = 0.3 * h;
-        let law = match contact {
-            Contact::Formula => {
-                format!("term contact on sole : -gamma*pos_part({middle:?} - {up} - a({dim}))*Test_a({dim})\n")
-            }
-            Contact::Raytrace | Contact::Project => {
-                let word = if contact == Contact::Project { "project" } else { "raytrace" };
-                format!(
-                    "mapping m = {word} from sole onto floor within {within:?}\n\
-                     def gap = (Interpolate(X, m) + Interpolate(b, m) - X - a).Normal\n\
-                     term contact on sole : gamma*pos_part(-gap)*(Normal.(Test_a - Interpolate(Test_b, m)))\n"
-                )
-            }
-            Contact::Moving | Contact::Closest => {
-                let (word, macros) =
-                    if contact == Contact::Moving { ("raytrace", "sliding") } else { ("project", "closest") };
-                format!(
-                    "mapping m = {word} from sole onto floor moving with a, b within {within:?}\n\
-                     state elastic : vector on sole := {macros}_elastic(a, b, m, elastic, gamma, fric)\n\
-                     term contact on sole : {macros}_friction(a, b, m, elastic, gamma, fric)\n"
-                )
-            }
-        };
-        let idle = if contact == Contact::Formula { "" } else { "term lower on lower : P(Grad_b):Grad_Test_b\n" };
+        let law = self.law(h, middle);
+        let body = if contact == Contact::Formula { "" } else { "term lower on lower : P(Grad_b):Grad_Test_b\n" };
         let below = if contact == Contact::Formula {
             String::new()
         } else {
@@ -87,7 +65,7 @@ unknown a : vector {element} on upper
 param fric = 0.3
 def P(g) = 0.4*((Id({dim}) + g) - Inv(Id({dim}) + g)') + 0.5*log(Det(Id({dim}) + g))*Inv(Id({dim}) + g)'
 term upper on upper : P(Grad_a):Grad_Test_a
-{idle}{law}steps k = 0 to 2 by 1
+{body}{law}steps k = 0 to 2 by 1
 fix a = {} on lid
 measure push = reaction(a({dim})) on lid
 measure drag = reaction(a(1)) on lid
@@ -96,6 +74,35 @@ measure drag = reaction(a(1)) on lid
             40.0 / h,
             list(&format!("{:?}*max(0, k - 1)", 0.02 * h), &format!("-{:?}*min(k, 1)", 0.01 * h)),
         )
+    }
+
+    /// The terms of contact between blocks of edge `h` that meet at `middle`.
+    fn law(self, h: f64, middle: f64) -> String {
+        let (dim, contact) = (self.dim, self.contact);
+        let up = ["x", "y", "z"][dim - 1];
+        let within = 0.3 * h;
+        match contact {
+            Contact::Formula => {
+                format!("term contact on sole : -gamma*pos_part({middle:?} - {up} - a({dim}))*Test_a({dim})\n")
+            }
+            Contact::Raytrace | Contact::Project => {
+                let word = if contact == Contact::Project { "project" } else { "raytrace" };
+                format!(
+                    "mapping m = {word} from sole onto floor within {within:?}\n\
+                     def gap = (Interpolate(X, m) + Interpolate(b, m) - X - a).Normal\n\
+                     term contact on sole : gamma*pos_part(-gap)*(Normal.(Test_a - Interpolate(Test_b, m)))\n"
+                )
+            }
+            Contact::Moving | Contact::Closest => {
+                let (word, macros) =
+                    if contact == Contact::Moving { ("raytrace", "sliding") } else { ("project", "closest") };
+                format!(
+                    "mapping m = {word} from sole onto floor moving with a, b within {within:?}\n\
+                     state elastic : vector on sole := {macros}_elastic(a, b, m, elastic, gamma, fric)\n\
+                     term contact on sole : {macros}_friction(a, b, m, elastic, gamma, fric)\n"
+                )
+            }
+        }
     }
 }
 

@@ -215,7 +215,8 @@ fn small_strains_of_laws_of_finite_strain_have_the_digits_that_are_told() {
     };
     for law in CANCEL {
         for stiff in [1.0, 1e3, 1e6] {
-            for load in [1e-4, 1e-6, 1e-8, 1e-10] {
+            // rounding of the stiffest part leaves 1e-16 of it
+            for load in [1e-4, 1e-6, 1e-8, 1e-10].into_iter().filter(|load| 1e-16 * stiff < 1e-3 * load) {
                 let found = solved(law, load, stiff);
                 assert!(found.outcome.converged(), "{law} {load} {stiff}");
                 let step = &found.outcome.steps[0];

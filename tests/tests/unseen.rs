@@ -81,7 +81,9 @@ measure change = max(abs(p)) on fault
 #[test]
 fn a_dipping_fault_with_a_multiplier_beside_rate_and_state_is_solved() {
     let solved = run(DIPPING);
-    assert!(solved.outcome.converged() && doubts(&solved.outcome).is_empty(), "{:?}", doubts(&solved.outcome));
+    // the multiplier has no equation where the fault ends in the body, and that is told
+    let doubts = doubts(&solved.outcome);
+    assert!(solved.outcome.converged() && doubts.iter().all(|(code, _)| *code == "W680"), "{doubts:?}");
     let slip = last(&solved, "slip");
     assert!(slip > 1e-3 && last(&solved, "open") < 1e-9 * slip, "{slip}");
     // slip under a free surface changes the pressure of a dipping fault

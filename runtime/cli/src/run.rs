@@ -40,9 +40,7 @@ pub(crate) fn run(args: &RunArgs, started: Instant) -> ExitCode {
 /// Runs with solvers that took `started_in` to start.
 fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Duration) -> ExitCode {
     let team = running.team();
-    let alone = [("--savings", args.savings), ("--watch", args.watch.is_some())];
-    if let Some((option, _)) = alone.into_iter().find(|(_, asked)| team.is_some() && *asked) {
-        say(&format!("error: {option} does not go with several ranks\n  = help: run it without mpirun\n"));
+    if team.is_some() && asks_for_one_rank(args) {
         return ExitCode::from(EXIT_ERROR);
     }
     let Some(request) = gradient::request(args, team.is_some()) else { return ExitCode::from(EXIT_ERROR) };
@@ -98,6 +96,16 @@ fn run_with(args: &RunArgs, running: &Running, started: Instant, started_in: Dur
     go(&loaded, scene, ready, &mut |scene, ready, outcome| {
         gradient::differentiate((&loaded, scene, &*backend), ready, outcome, request.as_ref())
     })
+}
+
+/// True after a message about options that several ranks do not have.
+fn asks_for_one_rank(args: &RunArgs) -> bool {
+    let alone = [("--savings", args.savings), ("--watch", args.watch.is_some())];
+    let asked = alone.into_iter().find(|(_, asked)| *asked);
+    if let Some((option, _)) = asked {
+        say(&format!("error: {option} does not go with several ranks\n  = help: run it without mpirun\n"));
+    }
+    asked.is_some()
 }
 
 /// A run with the measured effect of its optimisations, on request.

@@ -119,13 +119,25 @@ impl Attempt<'_> {
     /// Why the iteration stops here, if it does. A floor is that of the tangent at this state: the one before may have
     /// been at a state far away, with a floor above every residual.
     fn confirmed(&mut self, step: &mut LoadStep<'_>) -> Evaluated<Option<Stop>> {
-        let stop = self.here.stop(step.options);
+        let stop = self.stops(step);
         if stop != Some(Stop::Floor) {
             return Ok(stop);
         }
         step.assemble_tangent(self.u, self.norm.frozen)?;
         self.here = step.measure(self.u, &self.norm)?;
-        Ok(self.here.stop(step.options))
+        Ok(self.stops(step))
+    }
+
+    /// Why the iteration stops here, by the tangent at hand. Below a bound of what rounds it goes on as long as that helps.
+    fn stops(&self, step: &LoadStep<'_>) -> Option<Stop> {
+        let goes_on = !self.here.settled && !self.here.no_force && self.falls();
+        self.here.stop(step.options).filter(|stop| *stop != Stop::Floor || !goes_on)
+    }
+
+    /// Whether the last iteration made the residual less than half of what it was.
+    fn falls(&self) -> bool {
+        let before = self.history.iterations.iter().rev().nth(1);
+        before.is_some_and(|before| self.here.relative < 0.5 * before.residual)
     }
 
     /// Refines a state whose residual is rounding, where that helps.

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{Evaluated, Method, NewtonError, NewtonOptions, StepHistory, Stop, Watch};
+use super::{Evaluated, LARGEST_TOLERANCE, Method, NewtonError, NewtonOptions, StepHistory, Stop, Watch};
 use crate::Iteration;
 use crate::LinearSolver;
 use crate::measures::FieldMeasures;
@@ -124,6 +124,8 @@ pub(super) struct Measured {
     pub(super) floor: f64,
     /// The residual of every kind of field is as small as rounding or the tolerance allows in fields of that kind.
     pub(super) settled: bool,
+    /// What is left is below bounds of what rounds in positions and inside laws: it is rounding once it no longer falls.
+    pub(super) bounded: bool,
     /// Fields have no force but rounding.
     pub(super) no_force: bool,
     /// Weighted 2-norm of `residual` over the free dofs, for the search.
@@ -138,7 +140,7 @@ impl Measured {
         if self.relative <= options.tolerance && !self.no_force {
             return Some(Stop::Tolerance);
         }
-        (self.settled || self.no_force && self.relative <= options.tolerance).then_some(Stop::Floor)
+        (self.bounded || self.no_force && self.relative <= options.tolerance).then_some(Stop::Floor)
     }
 }
 
@@ -174,8 +176,6 @@ impl LoadStep<'_> {
         let mut sizes = system.sizes(u, &written, self.tangent);
         let positions = system.sizes_of_positions(self.tangent);
         let scales = self.scales(u, &written, [&sizes, &positions])?;
-        // of scales they are no part: what rounds there is no force
-        sizes.iter_mut().zip(positions).for_each(|(size, position)| *size += position);
         let summands = system.summands(u, &written);
         // against a scale without bound every residual is small
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
@@ -183,11 +183,18 @@ impl LoadStep<'_> {
         sizes.iter_mut().zip(&summands).for_each(|(size, summand)| *size += summand);
         let is_multiplier = |k: usize| system.fields[k].kind == FieldKind::Multiplier;
         let mut all = self.field_measures(u, &written, [&sizes, &summands], &scales);
-        let mut settled = all.are_settled(is_multiplier, self.options.tolerance);
-        if !settled && self.may_cancel(u, &written, &sizes) {
-            sizes.iter_mut().zip(system.cancelled(u, &written)).for_each(|(size, inside)| *size = size.max(inside));
-            all = self.field_measures(u, &written, [&sizes, &summands], &scales);
-            settled = all.are_settled(is_multiplier, self.options.tolerance);
+        let settled = all.are_settled(is_multiplier, self.options.tolerance);
+        let mut bounded = settled;
+        if !settled {
+            let cancels = all.relative() < LARGEST_TOLERANCE && self.may_cancel(&written);
+            sizes.iter_mut().zip(&positions).for_each(|(size, position)| *size += position);
+            if cancels {
+                sizes.iter_mut().zip(system.cancelled(u, &written)).for_each(|(size, inside)| *size = size.max(inside));
+            }
+            if cancels || !positions.is_empty() {
+                all = self.field_measures(u, &written, [&sizes, &summands], &scales);
+                bounded = all.are_settled(is_multiplier, self.options.tolerance);
+            }
         }
         let (relative, floor, no_force) = (all.relative(), all.floor(), scales.no_force);
         let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
@@ -197,7 +204,7 @@ impl LoadStep<'_> {
             written.values.clone()
         };
         let norm = self.weighted_norm(&residual, norm);
-        Ok(Measured { residual, written, summands, relative, floor, settled, no_force, norm, rounding })
+        Ok(Measured { residual, written, summands, relative, floor, settled, bounded, no_force, norm, rounding })
     }
 
     /// Residuals by field beside their scales and what rounding leaves: of what cancels by dof, and of the summands of single
@@ -236,20 +243,18 @@ impl LoadStep<'_> {
     /// Whether what is left may be what cancels inside the laws of bodies: of a gradient beside 1, as in `F - Inv(F)'`, the
     /// rounding is that of 1, and forces of a small strain are known no better than the stiffness over the extent. To find how
     /// much that is takes another evaluation of all laws.
-    fn may_cancel(&self, u: &[f64], written: &Residual, sizes: &[f64]) -> bool {
+    fn may_cancel(&self, written: &Residual) -> bool {
         let system = self.system;
         if !system.has_nonlinear_bodies() {
             return false;
         }
-        let (cancels, moved) = (system.largest_of_groups(sizes), system.largest_of_groups(u));
+        let is_free = |d: usize| system.numbering.free[d] != FIXED;
         let free: Vec<f64> =
-            (0..u.len()).map(|d| if system.numbering.free[d] == FIXED { 0.0 } else { written.values[d] }).collect();
-        let left = system.largest_of_groups(&free);
+            written.values.iter().enumerate().map(|(d, x)| if is_free(d) { *x } else { 0.0 }).collect();
+        let (left, stiffness) = (system.largest_of_groups(&free), system.stiffness(self.tangent));
         let is_force = |k: &usize| system.range(*k).is_some() && !system.has_single_equations(*k);
-        (0..system.fields.len()).filter(is_force).all(|k| {
-            let strained = if moved[k] > 0.0 { cancels[k] / moved[k] * system.extent() } else { 0.0 };
-            left[k] <= FLOOR_FACTOR * f64::EPSILON * strained.max(cancels[k])
-        })
+        let bound = |k: usize| FLOOR_FACTOR * f64::EPSILON * stiffness[k] * system.extent();
+        (0..system.fields.len()).filter(is_force).all(|k| left[k] <= bound(k))
     }
 
     /// By field what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether

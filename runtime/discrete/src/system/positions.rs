@@ -43,12 +43,26 @@ impl System {
         if fields.is_empty() {
             return Vec::new();
         }
+        let is_placed = |dof: u32| fields[self.field_of(dof as usize)];
+        let mut out = self.row_sums(tangent, is_placed);
+        out.iter_mut().for_each(|sum| *sum *= farthest);
+        out
+    }
+
+    /// By field: the largest row sum of |K| of the changing terms among the fields that it meets, on any rank: the stiffness
+    /// against a motion of all neighbours one against the other.
+    #[must_use]
+    pub fn stiffness(&self, tangent: &Tangent) -> Vec<f64> {
+        self.largest_of_groups(&self.row_sums(tangent, |_| true))
+    }
+
+    /// By dof, in the rows of this rank: the sum of |K| of the changing terms over some columns.
+    fn row_sums(&self, tangent: &Tangent, counts: impl Fn(u32) -> bool) -> Vec<f64> {
         let mut out = vec![0.0; self.numbering.n_dofs];
         for row in 0..self.numbering.n_free() {
             let (columns, values) = tangent.changing.row(row);
-            let is_placed = |c: u32| fields[self.field_of(self.numbering.free_dofs[c as usize] as usize)];
-            let stiffness: f64 = columns.iter().zip(values).filter(|(c, _)| is_placed(**c)).map(|(_, v)| v.abs()).sum();
-            out[self.numbering.free_dofs[row] as usize] = stiffness * farthest;
+            let counted = columns.iter().zip(values).filter(|(c, _)| counts(self.numbering.free_dofs[**c as usize]));
+            out[self.numbering.free_dofs[row] as usize] = counted.map(|(_, v)| v.abs()).sum();
         }
         out
     }

@@ -13,6 +13,7 @@ fn measured(relative: f64, settled: bool, no_force: bool) -> Measured {
         relative,
         floor: 0.0,
         settled,
+        bounded: settled,
         no_force,
         norm: relative,
         rounding: 0.0,
