@@ -128,10 +128,10 @@ impl Attempt<'_> {
         Ok(self.stops(step))
     }
 
-    /// Why the iteration stops here, by the tangent at hand. Below a bound of what rounds it goes on as long as that helps.
+    /// Why the iteration stops here, by the tangent at hand: also below a bound of what rounds, once that no longer helps.
     fn stops(&self, step: &LoadStep<'_>) -> Option<Stop> {
-        let goes_on = !self.here.settled && !self.here.no_force && self.falls();
-        self.here.stop(step.options).filter(|stop| *stop != Stop::Floor || !goes_on)
+        let is_rounding = || (self.here.bounded && !self.falls()).then_some(Stop::Floor);
+        self.here.stop(step.options).or_else(is_rounding)
     }
 
     /// Whether the last iteration made the residual less than half of what it was.

@@ -140,7 +140,7 @@ impl Measured {
         if self.relative <= options.tolerance && !self.no_force {
             return Some(Stop::Tolerance);
         }
-        (self.bounded || self.no_force && self.relative <= options.tolerance).then_some(Stop::Floor)
+        (self.settled || self.no_force && self.relative <= options.tolerance).then_some(Stop::Floor)
     }
 }
 
@@ -184,6 +184,7 @@ impl LoadStep<'_> {
         let is_multiplier = |k: usize| system.fields[k].kind == FieldKind::Multiplier;
         let mut all = self.field_measures(u, &written, [&sizes, &summands], &scales);
         let settled = all.are_settled(is_multiplier, self.options.tolerance);
+        let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
         let mut bounded = settled;
         if !settled {
             let cancels = all.relative() < LARGEST_TOLERANCE && self.may_cancel(&written);
@@ -197,7 +198,6 @@ impl LoadStep<'_> {
             }
         }
         let (relative, floor, no_force) = (all.relative(), all.floor(), scales.no_force);
-        let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
         let residual = if norm.frozen {
             system.frozen_residual(&written, u, self.contact.active_set())?
         } else {
