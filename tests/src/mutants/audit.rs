@@ -154,8 +154,10 @@ fn prescribed(scene: &mut Scene, step: &StepResult) -> Result<f64, String> {
 }
 
 fn measures(scene: &mut Scene, step: &StepResult, is_given: bool) -> f64 {
-    let Scene { measures, system, .. } = scene;
-    let mut worst = if measures.len() == step.measures.len() { 0.0f64 } else { f64::INFINITY };
+    let Scene { measures, computed, system, .. } = scene;
+    // behind them stand the numbers that are made of them
+    let are_there = measures.len() + computed.len() == step.measures.len();
+    let mut worst = if are_there { 0.0f64 } else { f64::INFINITY };
     for (measure, (_, told)) in measures.iter_mut().zip(&step.measures) {
         let at = Measured::new(system, step.time, step.increment, &step.state);
         // where time starts no equation was solved

@@ -77,6 +77,7 @@ fn traces(mutant: &Mutant, steps: &[StepResult]) -> Option<(Traces, Vec<Vec<u64>
     };
     traces.names.extend(scene.csv.iter().map(|c| c.file.clone()));
     traces.names.extend(scene.measures.iter().map(|m| m.name.clone()));
+    traces.names.extend(scene.computed.iter().map(|c| c.name.clone()));
     let mut everywhere = Vec::new();
     if traces.free.len() != steps.first()?.state.len() {
         return Some((traces, everywhere));
