@@ -8,7 +8,7 @@ use std::{
 
 use wfl::{Code, Diagnostic};
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{Outcome, Progress, RunOptions, newton::Iteration, prepare, run};
+use wfl_runtime::{Outcome, Progress, RunOptions, gradient::settle, newton::Iteration, prepare, run};
 
 use crate::{Listener, Loaded, VERSION, advice, available_threads, scene_file::read_scene};
 
@@ -212,13 +212,23 @@ fn one(job: &Job<'_>, word: Option<String>, limit: Option<Duration>) -> Trial {
         return Trial { ending: if outside { Ending::Outside } else { Ending::Refused }, ..refused(line(error)) };
     }
     let Some(scene) = prepared.scene else { return refused("no scene".to_owned()) };
-    let options = options(job);
+    let states_some = !loaded.script.gradients.is_empty();
+    let options = RunOptions { keep_trajectory: states_some, ..options(job) };
     let first = scene.at_first_step().ok();
     let doubt = first.and_then(|first| advice::parameters(&loaded, &scene, &first).first().map(line));
     let mut limited = Limited { end: limit.map(|l| Instant::now() + l) };
     // the scene is not looked at again
     match catch_unwind(AssertUnwindSafe(|| run(&scene, &options, &mut limited))) {
-        Ok(Ok(outcome)) => judge(&outcome, doubt),
+        Ok(Ok(mut outcome)) => {
+            // expectations may read them
+            if states_some
+                && outcome.converged()
+                && let Err(d) = settle((&scene, &loaded.script), (job.backend, options.threads), None, &mut outcome)
+            {
+                return refused(line(&d));
+            }
+            judge(&outcome, doubt)
+        }
         Ok(Err(error)) => refused(error.to_string()),
         Err(thrown) if thrown.is::<TimeIsOver>() => {
             let seconds = limit.unwrap_or_default().as_secs_f64();
