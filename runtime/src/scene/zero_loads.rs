@@ -6,7 +6,7 @@
 
 use std::collections::BTreeSet;
 
-use wfl::{Code, Diagnostic, each_name};
+use wfl::{Code, Condition, Diagnostic, each_name};
 use wfl_compiler::types::UniformSlot;
 
 use super::{Builder, Origin, Steps, assemble::Assembled};
@@ -28,7 +28,14 @@ impl Builder<'_> {
             });
             if is_zero { &mut idle } else { &mut acting }.insert(number);
         }
+        // of one on what is fixed, that is told already
+        let is_told = |load: &Condition, known: &[Diagnostic]| {
+            known.iter().any(|d| d.code == Code::W412 && d.labels.iter().any(|l| l.span == load.span))
+        };
         for load in idle.difference(&acting).filter_map(|number| self.script.loads.get(*number)) {
+            if is_told(load, self.diagnostics) {
+                continue;
+            }
             let d = Diagnostic::new(Code::W411, "a load that is zero");
             let text = "its formula is 0 wherever its region is integrated, in all steps";
             let help = "another region or formula is meant; a load that is 0 by intent says so: `= 0`";
