@@ -226,6 +226,16 @@ fn rounding_decides(scene: &Scene, measure: usize, outcome: &Outcome, much: f64)
     })
 }
 
+/// Whether a measure is the largest or smallest value at points.
+fn is_of_one_point(mutant: &Mutant, name: &str) -> bool {
+    let declares = |s: &&String| {
+        let rest = s.strip_prefix("measure ").map(str::trim_start).and_then(|rest| rest.strip_prefix(name));
+        rest.is_some_and(|rest| rest.trim_start().starts_with('='))
+    };
+    let statement = mutant.statements.iter().find(declares);
+    statement.is_some_and(|s| s.contains("max(") || s.contains("min("))
+}
+
 /// The scene once more with rules of a higher degree, where it does not ask for its own.
 fn not_under_a_finer_rule(mutant: &Mutant, outcome: &Outcome, rules: &[(String, RuleChoice)]) -> Option<String> {
     if mutant.statements.iter().any(|s| word(s) == "quadrature") || outcome.steps.iter().all(|s| s.measures.is_empty())
@@ -247,18 +257,20 @@ fn not_under_a_finer_rule(mutant: &Mutant, outcome: &Outcome, rules: &[(String, 
     if !again.converged() {
         return None;
     }
-    // the largest value at the points of a rule is that of one of them, and a finer rule has others
-    let is_of_one_point = |name: &str| {
-        let declares = |s: &&String| s.strip_prefix("measure ").is_some_and(|rest| rest.trim_start().starts_with(name));
-        let statement = mutant.statements.iter().find(declares);
-        statement.is_some_and(|s| s.contains("max(") || s.contains("min("))
-    };
+    let system = &again.equations.system;
     for measure in 0..scene.measures.len() {
-        if is_of_one_point(&scene.measures[measure].name) {
-            continue;
-        }
-        let of = |o: &Outcome| -> Vec<f64> { o.steps.iter().map(|s| s.measures[measure].1).collect() };
-        let (coarse, fine) = (of(outcome), of(&again));
+        let told = |o: &Outcome| -> Vec<f64> { o.steps.iter().map(|s| s.measures[measure].1).collect() };
+        // the largest value at the points of a rule is that of one of them, and a finer rule has others: both states are
+        // looked at under the finer one
+        let looked_at = |o: &Outcome| -> Vec<f64> {
+            let of = &scene.measures[measure];
+            o.steps.iter().map(|s| of.evaluate(&Measured::new(system, s.time, s.increment, &s.state))).collect()
+        };
+        let (coarse, fine) = if is_of_one_point(mutant, &scene.measures[measure].name) {
+            (looked_at(outcome), looked_at(&again))
+        } else {
+            (told(outcome), told(&again))
+        };
         let size = coarse.iter().chain(&fine).fold(0.0f64, |m, v| m.max(v.abs()));
         // what is rounding beside the other measures is no number of its own
         let largest = outcome.steps.iter().flat_map(|s| &s.measures).fold(0.0f64, |m, (_, v)| m.max(v.abs()));
