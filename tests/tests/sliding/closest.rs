@@ -14,7 +14,7 @@ use wfl_runtime::{
 };
 use wfl_tests::{Attempt, Sequence, attempt, doubts, examples, prepared, reference, solve};
 
-use super::{blocks, measure, solved};
+use super::{blocks, measure, solved, twisted};
 
 /// Contact along the normal of the other body, of two bodies that a mesh names.
 const CONTACT: &str = "wfl 1
@@ -142,26 +142,15 @@ fn places(system: &System, nodes: &[f64], dim: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Two blocks whose faces do not match, of some kind of cells, in space; a part of the upper one stands over.
+/// The bodies of `twisted` with contact along the normal of the other one, at closest points.
 fn in_space(cells: &str, element: &str) -> String {
-    "wfl 1
-mesh box [0,0,0] to [3,3,2] cells [3,3,2] CELLS map [x + 0.06*sin(3*y), y + 0.05*x*z, z + 0.05*sin(x*y)]
-region lower = cells where z < 1
-region upper = cells where z > 1
-region sole  = interface from upper to lower
-region floor = interface from lower to upper
-unknown a : vector ELEMENT on upper
-unknown b : vector ELEMENT on lower
-term upper on upper : Grad_a:Grad_Test_a
-term lower on lower : Grad_b:Grad_Test_b
-mapping m = project from sole onto floor moving with a, b within 0.5
+    let law = "mapping m = project from sole onto floor moving with a, b within 0.5
 def n   = -Transformed_unit_vector(Interpolate(Grad_b, m), Interpolate(Normal, m))
 def gap = (Interpolate(X, m) + Interpolate(b, m) - X - a).n
 term contact on sole : pos_part(-gap)*(n.(Test_a - Interpolate(Test_b, m)))
 steps s = 0 to 1 by 1
-"
-    .replace("CELLS", cells)
-    .replace("ELEMENT", element)
+";
+    twisted(cells, element, law)
 }
 
 /// Images that are found again after a small motion have shifted as the formula says, on faces, edges and corners.

@@ -48,6 +48,23 @@ fn blocks(length: usize, rest: &str) -> String {
     BLOCKS.replace("LENGTH", &length.to_string()) + rest
 }
 
+/// Two layers of some kind of cells in space that meet at z = 1 on faces that are not plane, with a law of contact.
+fn twisted(cells: &str, element: &str, law: &str) -> String {
+    format!(
+        "wfl 1
+mesh box [0,0,0] to [3,3,2] cells [3,3,2] {cells} map [x + 0.06*sin(3*y), y + 0.05*x*z, z + 0.05*sin(x*y)]
+region lower = cells where z < 1
+region upper = cells where z > 1
+region sole  = interface from upper to lower
+region floor = interface from lower to upper
+unknown a : vector {element} on upper
+unknown b : vector {element} on lower
+term upper on upper : Grad_a:Grad_Test_a
+term lower on lower : Grad_b:Grad_Test_b
+{law}"
+    )
+}
+
 fn solved(text: String, params: &[(&str, f64)]) -> Solved {
     solve(Path::new("."), text, &[], params).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -200,21 +217,12 @@ fn contact_conserves_linear_momentum() {
 /// that are not plane.
 #[test]
 fn images_shift_as_their_formula_says() {
-    let space = "wfl 1
-mesh box [0,0,0] to [3,3,2] cells [3,3,2] hex map [x + 0.06*sin(3*y), y + 0.05*x*z, z + 0.05*sin(x*y)]
-region lower = cells where z < 1
-region upper = cells where z > 1
-region sole  = interface from upper to lower
-region floor = interface from lower to upper
-unknown a : vector DEGREE on upper
-unknown b : vector DEGREE on lower
-term upper on upper : Grad_a:Grad_Test_a
-term lower on lower : Grad_b:Grad_Test_b
-mapping m = raytrace from sole onto floor moving with a, b within 0.5
+    let law = "mapping m = raytrace from sole onto floor moving with a, b within 0.5
 def gap  = (Interpolate(X, m) + Interpolate(b, m) - X - a).Transformed_unit_vector(Grad_a, Normal)
 term contact on sole : pos_part(-gap)*(Interpolate(Normal, m).(Interpolate(Test_b, m) - Test_a))
 ";
-    let scenes = [blocks(4, ""), space.replace("DEGREE", "Q1"), space.replace("DEGREE", "Q2")];
+    let space = |element: &str| twisted("hex", element, law);
+    let scenes = [blocks(4, ""), space("Q1"), space("Q2")];
     for text in scenes {
         let text = text + "steps s = 0 to 1 by 1\n";
         let scene = prepared(Path::new("."), text, &[], &[], &InterpreterBackend).unwrap_or_else(|e| panic!("{e}"));
