@@ -439,17 +439,37 @@ impl<'g> Lowering<'g> {
         self.plain(out)
     }
 
-    /// The branch of a projection: 0 open (no radius), 1 slip, 2 stick.
+    /// The branch of a projection: 0 open (no radius), 1 slip, 2 stick. Of a radius of zero that of the parts which make it
+    /// zero, as `pos_part` of a gap does: a point that is open and has not moved does not stick.
     pub(crate) fn ball_code(&mut self, v: ExprId, r: ExprId) -> Val {
         let inside = self.in_ball(v, r);
+        let left_out = self.left_out_in(r);
         let r = self.scalar(r);
         let s = &mut self.scalars;
         let [zero, one, two] = [0.0, 1.0, 2.0].map(|c| s.constant(c));
         let positive = s.compare(Compare::Less, zero, r);
         let closed = s.compare(Compare::LessEqual, zero, r);
         let slip = s.select(positive, one, zero);
-        let code = s.select(inside, two, slip);
+        let tie = left_out.into_iter().fold(two, |code, is_left_out| s.select(is_left_out, zero, code));
+        let stick = s.select(positive, two, tie);
+        let code = s.select(inside, stick, slip);
         s.select(closed, code, zero)
+    }
+
+    /// Where the choices inside an expression that move with the unknowns take zero.
+    fn left_out_in(&mut self, e: ExprId) -> Vec<Val> {
+        let mut found = Vec::new();
+        for part in self.graph.reachable(e) {
+            let Node::Select(mask, a, b) = *self.graph.node(part) else { continue };
+            if !self.graph.depends(mask).unknown || self.graph.is_zero(a) == self.graph.is_zero(b) {
+                continue;
+            }
+            let takes_second = self.graph.is_zero(b);
+            for m in self.mask(mask) {
+                found.push(if takes_second { self.scalars.not(m) } else { m });
+            }
+        }
+        found
     }
 
     fn determinant(&mut self, m: &[Val], n: usize, rows: &[usize], columns: &[usize]) -> Val {
