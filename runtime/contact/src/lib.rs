@@ -213,14 +213,22 @@ impl Contact {
     }
 
     /// Makes sure that there is an active set at the start of a step from `u`: that of the last converged state, else
-    /// that of the terms as written.
-    pub fn initialise(&mut self, system: &System, u: &[f64]) {
+    /// that of the terms as written. `predicted` is a state that the linear response to the step leads to, if one is known:
+    /// then the active set is the one which that was made on, or of the terms as written there, and nothing is guessed.
+    /// Bodies of finite strain that a guess ties to what they do not touch would crumple.
+    pub fn initialise(&mut self, system: &System, u: &[f64], predicted: Option<&[f64]>) {
         self.states.clear();
         if self.is_warm {
-            self.extrapolate();
+            if predicted.is_none() {
+                self.extrapolate();
+            }
             return;
         }
         self.fit(system, u);
+        if let Some(predicted) = predicted.filter(|_| !self.closes_far) {
+            self.freeze_as_written(system, predicted);
+            return;
+        }
         // each side may move by the largest displacement that is known
         let unknown = |f: &usize| system.fields[*f].kind == FieldKind::Unknown;
         let known = (0..system.fields.len()).filter(unknown).filter_map(|f| system.range(f));

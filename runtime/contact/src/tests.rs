@@ -108,7 +108,7 @@ fn a_step_begins_with_the_contact_that_the_last_two_lead_to() {
     assert_eq!(n_closed(&block.contact), 0);
     block.contact.begin_step((3.0, 1.0));
     let u = block.moved([0.0, 0.1], [0.0; 2]);
-    block.contact.initialise(&block.system, &u);
+    block.contact.initialise(&block.system, &u, None);
     assert_eq!(n_closed(&block.contact), 2);
 }
 
@@ -117,7 +117,7 @@ fn after_one_step_nothing_is_extrapolated() {
     let mut block = converged(&[-0.1]);
     block.contact.begin_step((2.0, 1.0));
     let u = block.moved([0.0, 0.1], [0.0; 2]);
-    block.contact.initialise(&block.system, &u);
+    block.contact.initialise(&block.system, &u, None);
     assert_eq!(n_closed(&block.contact), 0);
 }
 
@@ -129,7 +129,7 @@ fn loads_that_turn_are_not_extrapolated() {
     block.contact.begin_step((4.0, 1.0));
     let before = block.contact.active_set().clone();
     let u = block.moved([0.0, 0.2], [0.0; 2]);
-    block.contact.initialise(&block.system, &u);
+    block.contact.initialise(&block.system, &u, None);
     assert_eq!(block.contact.active_set(), &before);
 }
 
@@ -170,7 +170,7 @@ fn a_run_that_begins_again_has_nothing_of_the_one_before() {
     let mut block = Block::with_friction(1);
     let at_first = block.contact.memory();
     let u = block.moved([0.0, -0.1], [0.0; 2]);
-    block.contact.initialise(&block.system, &u);
+    block.contact.initialise(&block.system, &u, None);
     block.contact.set_friction(3.0);
     block.contact.update(7);
     block.contact.restart(&at_first);
@@ -185,7 +185,7 @@ fn the_stiffness_of_the_bodies_is_fitted_by_length_and_to_the_slope_of_the_argum
         let law = PENALTY_WITH_FRICTION.replace("10*", &format!("{gamma}*"));
         let mut block = Block::new(1, &[LAPLACE], &[&law]);
         let u = vec![0.0; block.system.numbering.n_dofs];
-        block.contact.initialise(&block.system, &u);
+        block.contact.initialise(&block.system, &u, None);
         block.contact
     };
     let soft = block(0.1);

@@ -42,7 +42,7 @@ pub(super) fn iterate(
 ) -> Result<StepHistory, NewtonError> {
     (step.linear, step.reached) = (LinearTerms::ByMatrix, None);
     step.contact.set_overstress(0.0);
-    let schedule = Schedule::new(step, u);
+    let schedule = Schedule::new(step, u, predicted.map(|predicted| &predicted.state[..]));
     step.contact.set_compliant(schedule.method() == Method::Compliance);
     let weights = vec![1.0; step.system.fields.len()];
     let norm = Norm { weights, equations: Vec::new(), scales: Vec::new(), frozen: schedule.freezes() };
@@ -131,7 +131,10 @@ impl Attempt<'_> {
     /// Why the iteration stops here, by the tangent at hand: also below a bound of what rounds, once that no longer helps.
     fn stops(&self, step: &LoadStep<'_>) -> Option<Stop> {
         let is_rounding = || (self.here.bounded && !self.falls()).then_some(Stop::Floor);
-        self.here.stop(step.options).or_else(is_rounding)
+        let stop = self.here.stop(step.options).or_else(is_rounding);
+        // without a force the tolerance is one of what cancels: of a body that moves freely more than rounding is left there
+        let is_more = self.here.no_force && self.here.relative > self.here.floor;
+        stop.filter(|_| !is_more || !self.falls())
     }
 
     /// Whether the last iteration made the residual less than half of what it was.
@@ -183,7 +186,7 @@ impl Attempt<'_> {
         } else {
             if method.freezes() && !self.schedule.continues() {
                 step.contact.set_warm(false);
-                step.contact.initialise(step.system, self.u);
+                step.contact.initialise(step.system, self.u, None);
             }
             step.contact.set_overstress(0.0);
             if method == Method::Overstress {

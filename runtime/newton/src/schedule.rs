@@ -198,13 +198,13 @@ pub(super) struct Schedule {
 }
 
 impl Schedule {
-    /// The stages for a step from `u`; the active set is chosen.
-    pub(super) fn new(step: &mut LoadStep<'_>, u: &[f64]) -> Self {
+    /// The stages for a step from `u`, or from a predicted state; the active set is chosen.
+    pub(super) fn new(step: &mut LoadStep<'_>, u: &[f64], predicted: Option<&[f64]>) -> Self {
         let NewtonOptions { search, .. } = step.options;
         let mut traits = Vec::new();
         if search && !step.contact.is_empty() {
             let warm = step.contact.is_warm();
-            step.contact.initialise(step.system, u);
+            step.contact.initialise(step.system, u, predicted);
             traits = traits_of(step.system, step.contact, warm);
         }
         let mut stages: Vec<Stage> = selected(&traits).collect();
