@@ -102,7 +102,11 @@ fn value_as_option(words: &[String]) -> Option<String> {
     let near = nearest(name, options.iter().map(String::as_str))
         .map_or_else(String::new, |n| format!("; the nearest option is --{n}"));
     let mut line: Vec<String> = words[..at].to_vec();
-    line.push(format!("{}={}", name.replace('-', "_"), value.unwrap_or("VALUE")));
+    line.push(match value {
+        // `--param gamma=3`
+        Some(pair) if pair.contains('=') => pair.to_owned(),
+        _ => format!("{}={}", name.replace('-', "_"), value.unwrap_or("VALUE")),
+    });
     let behind = if bare.contains('=') || value.is_none() { at + 1 } else { at + 2 };
     line.extend(words.iter().skip(behind).cloned());
     Some(format!(

@@ -83,6 +83,8 @@ pub struct BadMeasure {
     pub value: f64,
     /// The first point where its expression is not finite; `None` where only the sum is not.
     pub at: Option<NotFinite>,
+    /// It is a number that other measures make.
+    pub is_made: bool,
 }
 
 impl BadMeasure {
@@ -96,6 +98,9 @@ impl BadMeasure {
                 let place = format!("at position {}", position(at.position));
                 told(d, at.cause.as_deref(), &place, expansions, Some((self.span, at.value)))
             }
+            None if self.is_made => d
+                .at(self.span, "made of measures and reductions: one of them is not a number, or a division is by 0")
+                .help("`if F > 0 then k/F else 0` gives it a value where that happens"),
             None => {
                 d.at(self.span, "finite at every point, but not summed up: values too large, or a region of size 0")
             }

@@ -29,12 +29,15 @@ impl Run {
         }
         measures.extend(self.stepper.energies(scene));
         let made = computed(scene, &at, time, &measures);
-        bad_measures.extend(
-            made.iter()
-                .zip(&scene.computed)
-                .filter(|((_, value), _)| !value.is_finite())
-                .map(|((name, value), of)| BadMeasure { name: name.clone(), span: of.span, value: *value, at: None }),
-        );
+        bad_measures.extend(made.iter().zip(&scene.computed).filter(|((_, value), _)| !value.is_finite()).map(
+            |((name, value), of)| BadMeasure {
+                name: name.clone(),
+                span: of.span,
+                value: *value,
+                at: None,
+                is_made: true,
+            },
+        ));
         measures.extend(made);
         let moved = asked.iter().filter_map(|measure| measure.moved(&at)).collect();
         Taken { measures, bad: bad_measures, moved }

@@ -294,7 +294,7 @@ impl Measure {
             }
             Taken::Reaction(_) | Taken::Balance(_) => None,
         };
-        BadMeasure { name: self.name.clone(), span: self.span, value, at }
+        BadMeasure { name: self.name.clone(), span: self.span, value, at, is_made: false }
     }
 
     /// Its value at a state; made by all ranks together.
