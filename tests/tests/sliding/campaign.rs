@@ -1,5 +1,5 @@
-//! Random scenes of bodies that slide: every step is found, images are those of a search that tries all faces, forces add up to
-//! nothing, and a rotation of everything turns them.
+//! Random scenes of bodies that slide, along rays and at closest points: every step is found, images are those of a search that
+//! tries all faces, forces add up to nothing, and a rotation of everything turns them.
 
 use std::path::Path;
 
@@ -16,21 +16,40 @@ use wfl_tests::{Sequence, Solved, attempt, doubts};
 /// Scenes; `WFL_SLIDING_SCENES` is another number of them.
 const SCENES: u64 = if cfg!(debug_assertions) { 20 } else { 200 };
 
+/// How images are found, and the macros of a penalty with friction that go with it.
+#[derive(Clone, Copy)]
+struct Way {
+    word: &'static str,
+    macros: &'static str,
+}
+
+const RAYS: Way = Way { word: "raytrace", macros: "sliding" };
+const CLOSEST: Way = Way { word: "project", macros: "closest" };
+
 #[test]
 fn random_scenes_slide_without_a_failed_step_or_a_wrong_image() {
+    slide(RAYS);
+}
+
+#[test]
+fn random_scenes_slide_at_closest_points() {
+    slide(CLOSEST);
+}
+
+fn slide(way: Way) {
     let n = std::env::var("WFL_SLIDING_SCENES").ok().and_then(|n| n.parse().ok()).unwrap_or(SCENES);
     let first = std::env::var("WFL_SLIDING_FIRST").ok().and_then(|n| n.parse().ok()).unwrap_or(0);
     for seed in first..first + n {
-        let text = scene(seed);
+        let text = scene(seed, way);
         let made = attempt(Path::new("."), text.clone(), &[], &[]);
         let found = made.solved.unwrap_or_else(|| panic!("scene {seed}: {}\n{text}", made.messages));
         assert!(found.outcome.converged(), "scene {seed}: {:?}\n{text}", doubts(&found.outcome));
-        examine(&found, &format!("scene {seed}:\n{text}"));
+        examine(&found, way, &format!("scene {seed}:\n{text}"));
     }
 }
 
 /// Two blocks, of which the upper one is pressed down and pushed over the lower one.
-fn scene(seed: u64) -> String {
+fn scene(seed: u64, way: Way) -> String {
     let mut random = Sequence(0x9e37_79b9 + 7919 * seed);
     (0..8).for_each(|_| {
         random.number();
@@ -64,6 +83,7 @@ fn scene(seed: u64) -> String {
     } else {
         format!("[{slide}*max(0, s - 1), -{press}*min(s, 1)]")
     };
+    let Way { word, macros } = way;
     format!(
         "wfl 1
 use \"sliding\"
@@ -79,9 +99,9 @@ unknown b : vector {letter}{element} on lower
 def P(g) = 0.4*((Id({dim}) + g) - Inv(Id({dim}) + g)') + 0.5*log(Det(Id({dim}) + g))*Inv(Id({dim}) + g)'
 term upper on upper : P(Grad_a):Grad_Test_a
 term lower on lower : P(Grad_b):Grad_Test_b
-mapping m = raytrace from sole onto floor moving with a, b within 0.3
-state elastic : vector on sole := sliding_elastic(a, b, m, elastic, {gamma}, {fric})
-term contact on sole : sliding_friction(a, b, m, elastic, {gamma}, {fric})
+mapping m = {word} from sole onto floor moving with a, b within 0.3
+state elastic : vector on sole := {macros}_elastic(a, b, m, elastic, {gamma}, {fric})
+term contact on sole : {macros}_friction(a, b, m, elastic, {gamma}, {fric})
 quadrature on sole degree 3
 steps s = 0 to 2 by 1
 fix a = {motion} on lid
@@ -94,13 +114,16 @@ fix b = [{zero}] on base
 const NUDGE: f64 = 1e-7;
 
 /// Images, momentum and invariance at the last state.
-fn examine(found: &Solved, name: &str) {
+fn examine(found: &Solved, way: Way, name: &str) {
     let system: &System = &found.outcome.equations.system;
     let u = &found.outcome.steps.last().expect("states are kept").state;
     let term = system.terms.iter().find(|t| t.law.name == "contact").expect("the term");
     let points = term.integrator.domain.moving.clone().expect("a map that moves");
     if system.mesh.dim() == 2 {
-        images_by_all_faces(system, u, &points, name);
+        match way.word {
+            "project" => closest_of_all_faces(system, u, &points, name),
+            _ => images_by_all_faces(system, u, &points, name),
+        }
     }
     let values = system.values(u);
     let forces = residual(term, system, values.view());
@@ -263,4 +286,65 @@ fn images_by_all_faces(system: &System, u: &[f64], points: &std::sync::Arc<Movin
         assert!(same, "{image:?} in place of {best:?} at {x:?} in {name}");
     }
     assert!(found_some > 0, "no image away from edges in {name}");
+}
+
+/// Each closest point is the one that is found by cutting all faces into small pieces and narrowing the nearest of them.
+fn closest_of_all_faces(system: &System, u: &[f64], points: &std::sync::Arc<MovingPoints>, name: &str) {
+    let (mesh, reach) = (&system.mesh, 0.3);
+    let values = system.slices(u);
+    let domain = points.at(mesh, &values);
+    let [here, there]: [&Follows; 2] = points.follows();
+    let targets: Vec<FacetRef> = points.targets().collect();
+    let mut found_some = 0;
+    for group in &domain.groups {
+        let [x, n] = on_face(mesh, &here.space, group.here.facets[0], group.here.points[0], values[here.field]);
+        let away = |y: [f64; 2]| (y[0] - x[0]).hypot(y[1] - x[1]);
+        // the distance, and how the face looks at the point
+        let mut best: Option<[f64; 2]> = None;
+        let mut is_doubtful = false;
+        for target in targets.iter().filter(|t| t.cell != group.here.cells[0]) {
+            let map = mesh.kind(target.cell).facet_map(usize::from(target.local));
+            let place = |p: f64| {
+                let r = map.apply([p, 0.0, 0.0]);
+                let [y, normal] = on_face(mesh, &there.space, *target, r, values[there.field]);
+                [away(y), normal[0] * n[0] + normal[1] * n[1]]
+            };
+            let [distance, looks] = nearest(&place);
+            is_doubtful |= distance < reach + 1e-6 && (looks + 0.5).abs() < 1e-3 || (distance - reach).abs() < 1e-6;
+            if looks < -0.5 && distance <= reach && best.is_none_or(|[b, _]| distance < b) {
+                best = Some([distance, looks]);
+            }
+        }
+        if is_doubtful {
+            continue;
+        }
+        let is_there = group.motion.expect("images move").stand_in.is_none();
+        let image = group.there.as_ref().filter(|_| is_there).map(|side| {
+            let [y, _] = on_face(mesh, &there.space, side.facets[0], side.points[0], values[there.field]);
+            away(y)
+        });
+        found_some += usize::from(image.is_some());
+        let is_same = match (image, best) {
+            // a distance is known to the root of what a sum of squares is rounded to
+            (Some(image), Some([distance, _])) => (image - distance).abs() < 1e-8,
+            (None, None) => true,
+            _ => false,
+        };
+        assert!(is_same, "{image:?} in place of {best:?} at {x:?} in {name}");
+    }
+    assert!(found_some > 0, "no image in {name}");
+}
+
+/// The point of a face where the first number of `place`, which has one valley in a small piece, is least.
+fn nearest(place: &impl Fn(f64) -> [f64; 2]) -> [f64; 2] {
+    let pieces = 32;
+    let at = |k: i32| f64::from(k.clamp(0, pieces)) / f64::from(pieces);
+    let least = (0..=pieces).min_by(|a, b| place(at(*a))[0].total_cmp(&place(at(*b))[0])).expect("some");
+    let (mut low, mut high) = (at(least - 1), at(least + 1));
+    for _ in 0..80 {
+        let third = (high - low) / 3.0;
+        if place(low + third)[0] <= place(high - third)[0] { high -= third } else { low += third }
+    }
+    let ends = [low, 0.5 * (low + high), high].map(place);
+    ends.into_iter().min_by(|a, b| a[0].total_cmp(&b[0])).expect("some")
 }

@@ -1,4 +1,4 @@
-//! Scenes of `examples/sliding` against closed forms: two half rings, a capstan, a disc that rolls or slides.
+//! Scenes of `examples/sliding` against closed forms: two half rings, a capstan, a disc that rolls or slides, gears, a hook.
 
 use wfl_tests::{Solved, doubts, examples, solve};
 
@@ -85,4 +85,46 @@ fn a_disc_rolls_or_slides_down_an_incline() {
         assert!((last("spin") / (spin * end) - 1.0).abs() < turned, "{} in place of {}", last("spin"), spin * end);
         assert!((last("cy") - 0.98).abs() < 0.01, "{}", last("cy"));
     }
+}
+
+/// The force between involute teeth goes along the common tangent of the base circles: torques are as numbers of teeth are,
+/// in each state nearly (edges of tips touch, too), and over a pitch better.
+#[test]
+fn gears_have_torques_as_their_numbers_of_teeth() {
+    let found = example("gears.wfl", &[]);
+    assert!(found.outcome.warnings.is_empty(), "{:?}", doubts(&found.outcome));
+    let (driving, driven) = (measure(&found, "driving"), measure(&found, "driven"));
+    for (step, (one, other)) in driving.iter().zip(&driven).enumerate().skip(1) {
+        assert!(*one > 1e3 && (other / one - 1.5).abs() < 0.04, "step {step}: {one} {other}");
+    }
+    let ratio = driven.iter().sum::<f64>() / driving.iter().sum::<f64>();
+    assert!((ratio - 1.5).abs() < 7e-3, "{ratio}");
+}
+
+/// Where the tip is highest the normals of nose and ledge are upright: the hand carries friction alone, and the force across is
+/// that of a cantilever under it. Where nothing touches there is no force, in few iterations, and nothing is doubted.
+#[test]
+fn a_hook_snaps_with_the_force_of_a_beam() {
+    let found = example("snap_fit.wfl", &[]);
+    assert!(found.outcome.warnings.is_empty(), "{:?}", doubts(&found.outcome));
+    let (ahead, across, tip) = (measure(&found, "ahead"), measure(&found, "across"), measure(&found, "tip"));
+    let top = (1..tip.len() - 1).max_by(|a, b| tip[*a].total_cmp(&tip[*b])).expect("steps");
+    // the parabola through three states has its vertex there
+    let [a, b, c] = [tip[top - 1], tip[top], tip[top + 1]];
+    let at = 0.5 * (a - c) / (a - 2.0 * b + c);
+    let there = |of: &[f64]| {
+        of[top] + 0.5 * at * (of[top + 1] - of[top - 1]) + 0.5 * at * at * (of[top + 1] - 2.0 * of[top] + of[top - 1])
+    };
+    let ratio = there(&ahead) / there(&across);
+    assert!((ratio / -0.2 - 1.0).abs() < 0.1, "{ratio}");
+    // E' = E/(1 - nu^2) with nu = 1/4, I = h^3/12; a force at 9 of a length of 10
+    let stiffness = 1e3 / (1.0 - 0.25f64.powi(2)) * 0.6f64.powi(3) / 12.0;
+    let beam = there(&across) * (9f64.powi(3) / 3.0 + 9f64.powi(2) / 2.0) / stiffness;
+    assert!((there(&tip) / beam - 1.0).abs() < 0.03, "{} {beam}", there(&tip));
+    let is_free = |k: &usize| across[*k].abs() < 1e-9;
+    let free: Vec<usize> = (1..tip.len()).filter(is_free).collect();
+    assert!(free.len() > 20 && free.iter().all(|k| ahead[*k].abs() < 1e-9), "{free:?}");
+    let iterations: Vec<usize> = free.iter().map(|k| found.outcome.steps[*k].history.n_iterations()).collect();
+    // the first step, and the one that lets go
+    assert!(iterations.iter().filter(|n| **n > 3).count() <= 2, "{iterations:?}");
 }
