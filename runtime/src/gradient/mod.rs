@@ -29,8 +29,10 @@ mod near;
 mod parameters;
 mod refused;
 mod request;
+mod shape;
 mod standing;
 mod stated;
+mod velocities;
 
 use std::time::Instant;
 
