@@ -122,7 +122,7 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     near.extend(of_mesh);
     let mut made = Gradients { near, notes, solutions, factorisations, ..Gradients::default() };
     for (into, mut sum) in sums.into_iter().enumerate() {
-        extended.from_motion(&mut sum.live);
+        extended.gather_motion(&mut sum.live);
         to_declared(script, &extended, &mut sum.live)?;
         let entries = |name: &String| {
             let k = extended.live.iter().position(|l| l.name == *name)?;

@@ -281,6 +281,12 @@ impl<'a> Extended<'a> {
         start..start + self.live[live].values.len()
     }
 
+    /// The parameter that was asked for of which an entry is, or is made.
+    pub(super) fn asked_of(&self, entry: usize) -> &str {
+        let of = (0..self.live.len()).find(|k| self.entries_of(*k).contains(&entry)).map(|k| &self.live[k]);
+        of.map_or("", |l| l.made_of.as_ref().unwrap_or(&l.name))
+    }
+
     /// The entries of all parameters that change.
     pub(super) fn n_live(&self) -> usize {
         self.live.iter().map(|l| l.values.len()).sum()
@@ -331,7 +337,7 @@ impl<'a> Extended<'a> {
     }
 
     /// Moves the derivatives in the motion of the mesh, which stand behind those in the parameters, to these.
-    pub(super) fn from_motion(&self, gradient: &mut [f64]) {
+    pub(super) fn gather_motion(&self, gradient: &mut [f64]) {
         let Some(velocities) = &self.velocities else { return };
         let (live, motion) = gradient.split_at_mut(self.n_live());
         for (entry, to) in live.iter_mut().enumerate() {
@@ -342,7 +348,7 @@ impl<'a> Extended<'a> {
     }
 
     /// Writes behind what the parameters move by what they move the mesh by.
-    pub(super) fn to_motion(&self, moved: &mut [f64]) {
+    pub(super) fn spread_motion(&self, moved: &mut [f64]) {
         let Some(velocities) = &self.velocities else { return };
         let (live, motion) = moved.split_at_mut(self.n_live());
         for (entry, by) in live.iter().enumerate().filter(|(_, by)| **by != 0.0) {

@@ -167,7 +167,7 @@ impl Forwards<'_, '_> {
             own.copy_from_slice(entries);
         }
         from_declared(self.of.script, extended, &mut live)?;
-        extended.to_motion(&mut live);
+        extended.spread_motion(&mut live);
         let mut fields = Vec::new();
         for (name, values) in &direction.fields {
             let Some(k) = system.fields.iter().position(|f| f.name == *name) else { continue };

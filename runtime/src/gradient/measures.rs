@@ -181,7 +181,7 @@ impl Asked {
             let weights = extended.add_weights(&sampled.domain);
             let growing = made_of.grows.then(|| extended.add_weights(&sampled.domain));
             if extended.has_motion() && value.law.mapping.is_some() {
-                return Err(of_mapped_measure(declared.expr.span));
+                return Err(of_mapped_measure(name, declared.expr.span));
             }
             let place = extended.place(&sampled.domain, value.law.mapping.is_some());
             let companions = made_of.companions(extended, &sampled.domain);

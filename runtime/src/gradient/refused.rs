@@ -151,40 +151,42 @@ fn placed(d: Diagnostic, at: Option<Span>) -> Diagnostic {
 }
 
 /// A mapping in a scene whose mesh moves.
-pub(super) fn of_mapping(span: Option<Span>) -> Box<Diagnostic> {
-    let d = message("images of a mapping do not follow a mesh that parameters move yet");
+pub(super) fn of_mapping(name: &str, span: Option<Span>) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` moves the mesh, and images of a mapping do not follow that yet"));
     let d = d.help("`interface` where the meshes meet; differences of whole runs do for mappings: wfl sweep");
     Box::new(placed(d, span))
 }
 
 /// Nodes that follow others on a mesh that moves.
-pub(super) fn of_ties() -> Box<Diagnostic> {
-    let d = message("nodes that follow others have no derivatives yet where parameters move the mesh");
+pub(super) fn of_ties(name: &str) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` moves the mesh, and nodes that follow others have no derivatives there yet"));
     Box::new(d.help("differences of whole runs: wfl sweep"))
 }
 
 /// A normal displacement that is prescribed on faces whose normals turn.
-pub(super) fn of_turning_support(span: Span) -> Box<Diagnostic> {
-    let d = message("parameters turn the normals of this support: that has no derivative yet").at(span, "");
+pub(super) fn of_turning_support(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` turns the normals of this support: that has no derivative yet")).at(span, "");
     Box::new(d.help("a penalty or a multiplier for u.Normal follows them; differences of whole runs: wfl sweep"))
 }
 
 /// A nodal rule on faces that are or become no parallelograms.
-pub(super) fn of_nodal_faces(name: &str, span: Span) -> Box<Diagnostic> {
-    let d = message(format!("faces of `{name}` with points at their nodes bend: that has no derivative yet"));
+pub(super) fn of_nodal_faces(name: &str, place: (&str, Span)) -> Box<Diagnostic> {
+    let (of, span) = place;
+    let d = message(format!(
+        "`{name}` moves the faces of `{of}`, which bend and have their points at nodes: that has no derivative yet"
+    ));
     Box::new(d.at(span, "").help("a rule of Gauss: `quadrature R degree=2`; differences of whole runs: wfl sweep"))
 }
 
 /// First values of a state that are others at other places, on a mesh that moves.
 pub(super) fn of_points(name: &str, span: Span) -> Box<Diagnostic> {
-    let d =
-        message(format!("first values of the state `{name}` are others at other places, and parameters move those"));
+    let d = message(format!("`{name}` begins with other values at other places, and parameters move those"));
     Box::new(d.at(span, "").help("a data field with this formula, from which the state begins"))
 }
 
 /// A measure through a mapping on a mesh that moves.
-pub(super) fn of_mapped_measure(span: Span) -> Box<Diagnostic> {
-    let d = message("a measure reads through a mapping, which does not follow a mesh that parameters move yet");
+pub(super) fn of_mapped_measure(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` reads through a mapping, which does not follow a mesh that parameters move yet"));
     Box::new(d.at(span, "").help("differences of whole runs: wfl sweep"))
 }
 

@@ -20,37 +20,37 @@ pub(super) fn check(
     by_entry: &[ByNode],
 ) -> Result<(), Box<Diagnostic>> {
     let scene = extended.scene;
-    if by_entry.iter().flatten().flatten().all(|v| *v == 0.0) {
-        return Ok(());
-    }
+    let moving = by_entry.iter().enumerate().filter(|(_, v)| v.iter().flatten().any(|x| *x != 0.0));
+    let moving: Vec<(&str, &ByNode)> = moving.map(|(entry, v)| (extended.asked_of(entry), v)).collect();
+    let Some((name, _)) = moving.first() else { return Ok(()) };
     let mappings = scene.system.terms.iter().map(|term| term.law.listing.graph.mapping);
     let of_states = scene.states.iter().filter_map(|s| s.at_points()).map(|(value, _)| value.law.mapping);
     if let Some(mapping) = mappings.chain(of_states).flatten().next() {
-        return Err(refused::of_mapping(script.mappings.get(mapping).map(|m| m.span)));
+        return Err(refused::of_mapping(name, script.mappings.get(mapping).map(|m| m.span)));
     }
     if scene.system.numbering.has_ties() {
-        return Err(refused::of_ties());
+        return Err(refused::of_ties(name));
     }
     let mesh = &scene.system.mesh;
     for fix in &script.fixes {
         if !fix.targets.iter().any(|target| matches!(target.part, TargetPart::Normal)) {
             continue;
         }
-        let faces: Vec<FacetRef> =
-            fix.places.iter().filter_map(|p| scene.regions.get(&p.name)).flat_map(faces).collect();
-        if by_entry.iter().any(|v| faces.iter().any(|f| turns(mesh, *f, v))) {
-            return Err(refused::of_turning_support(fix.span));
+        let regions = fix.places.iter().filter_map(|p| scene.regions.get(&p.name));
+        let faces: Vec<FacetRef> = regions.flat_map(faces).collect();
+        if let Some((name, _)) = moving.iter().find(|(_, v)| faces.iter().any(|f| turns(mesh, *f, v))) {
+            return Err(refused::of_turning_support(name, fix.span));
         }
     }
-    for (term, summary) in scene.system.terms.iter().zip(&scene.terms) {
-        if bends(mesh, &term.integrator.domain, by_entry) {
-            return Err(refused::of_nodal_faces(&summary.name, summary.span));
-        }
-    }
-    for (measure, declared) in &extended.measures {
+    let of_terms = scene.system.terms.iter().zip(&scene.terms);
+    let of_terms = of_terms.map(|(term, told)| (&*term.integrator.domain, told.name.as_str(), told.span));
+    let of_measures = extended.measures.iter().flat_map(|(measure, declared)| {
         let parts = measure.at_points().into_iter().flat_map(|(_, parts)| parts);
-        if parts.into_iter().any(|(_, sampled)| bends(mesh, &sampled.domain, by_entry)) {
-            return Err(refused::of_nodal_faces(&measure.name, declared.span));
+        parts.map(|(_, sampled)| (&*sampled.domain, measure.name.as_str(), declared.span))
+    });
+    for (domain, of, span) in of_terms.chain(of_measures) {
+        if let Some((name, _)) = moving.iter().find(|(_, v)| bends(mesh, domain, v)) {
+            return Err(refused::of_nodal_faces(name, (of, span)));
         }
     }
     Ok(())
@@ -92,7 +92,7 @@ fn turns(mesh: &Mesh, facet: FacetRef, velocity: &[[f64; 3]]) -> bool {
 
 /// Whether a nodal rule on quadrilateral faces in space has faces that are no parallelograms, or that do not stay ones: area
 /// vectors of its points are those of the functions of the nodes then.
-fn bends(mesh: &Mesh, domain: &Domain, by_entry: &[ByNode]) -> bool {
+fn bends(mesh: &Mesh, domain: &Domain, velocity: &[[f64; 3]]) -> bool {
     domain.groups.iter().filter(|group| group.areas.is_some()).any(|group| {
         let bent = |facet: &FacetRef| {
             let corners = mesh.facet_vertices(*facet);
@@ -109,7 +109,7 @@ fn bends(mesh: &Mesh, domain: &Domain, by_entry: &[ByNode]) -> bool {
                 sum.iter().any(|x| x.abs() > ROUNDING * size)
             };
             let node = |k: usize| corners.vertices()[k];
-            sum(&|k| mesh.node(node(k))) || by_entry.iter().any(|v| sum(&|k| v[node(k).index()]))
+            sum(&|k| mesh.node(node(k))) || sum(&|k| velocity[node(k).index()])
         };
         mesh.order() > 1 || group.here.facets.iter().any(bent)
     })
