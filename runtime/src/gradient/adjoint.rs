@@ -100,7 +100,8 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     let (trajectory, ends) = standing::of_run(outcome)?;
     let mut equations = outcome.equations.clone();
     let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
-    let mut extended = Extended::new(scene, script, live.to_vec())?;
+    let extended = Extended::new(scene, script, live.to_vec());
+    let mut extended = extended.map_err(|e| not_made(&e.to_string()))?;
     shape::find(&mut extended, of)?;
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
     let laws = Laws::new(&extended, script, std::mem::take(&mut asked.laws), backend)?;

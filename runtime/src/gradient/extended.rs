@@ -9,20 +9,17 @@
 
 use std::{collections::BTreeMap, ops::Range, sync::Arc};
 
-use wfl::{Diagnostic, ResolvedScript, each_word};
+use wfl::{ResolvedScript, each_word};
 use wfl_compiler::{
     Companions, Constant, Env, Extent, Velocity,
     types::{FieldId, FieldKind, FieldSig, InputSlot, PlaceKind, PlaceSig, Shape},
 };
 
-use super::{
-    refused::not_made,
-    velocities::{Velocities, each_moving_place},
-};
+use super::velocities::{Velocities, each_moving_place};
 use crate::{
     Measure, Scene,
     assemble::{Domain, Over},
-    element::Family,
+    element::{ElementError, Family},
     field::{Field, FieldSpace},
     mesh::CellId,
     point_space::PointSpace,
@@ -73,13 +70,10 @@ fn is_moved(script: &ResolvedScript, live: &[Live]) -> bool {
 }
 
 /// The fields of the motion of the mesh.
-fn of_motion(scene: &Scene) -> Result<[(Field, FieldSig); 3], Box<Diagnostic>> {
+fn of_motion(scene: &Scene) -> Result<[(Field, FieldSig); 3], ElementError> {
     let (mesh, kind) = (&scene.system.mesh, FieldKind::Data);
     let (dim, cells) = (mesh.dim(), mesh.cells().collect::<Vec<CellId>>());
-    let space = |degree, family| {
-        let made = Space::on_cells(mesh, &scene.topology, &cells, degree, family);
-        made.map(FieldSpace::Nodal).map_err(|e| not_made(&e.to_string()))
-    };
+    let space = |degree, family| Space::on_cells(mesh, &scene.topology, &cells, degree, family).map(FieldSpace::Nodal);
     let of = |name: &str, shape: Shape, degree: usize, space: FieldSpace| {
         let (name, global) = (name.to_owned(), matches!(space, FieldSpace::Global));
         let field = Field { name: name.clone(), kind, n_components: shape.len(), space };
@@ -93,7 +87,7 @@ fn of_motion(scene: &Scene) -> Result<[(Field, FieldSig); 3], Box<Diagnostic>> {
 }
 
 impl<'a> Extended<'a> {
-    pub(super) fn new(scene: &'a Scene, script: &'a ResolvedScript, live: Vec<Live>) -> Result<Self, Box<Diagnostic>> {
+    pub(super) fn new(scene: &'a Scene, script: &'a ResolvedScript, live: Vec<Live>) -> Result<Self, ElementError> {
         let own = &scene.system.fields;
         let (mut fields, mut sigs): (Vec<Field>, Vec<FieldSig>) = (own.to_vec(), scene.sigs.clone());
         for (field, sig) in own.iter().zip(&scene.sigs) {

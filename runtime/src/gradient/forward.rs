@@ -130,7 +130,8 @@ pub(super) fn solve(
     let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
     let mut equations = outcome.equations.clone();
     let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
-    let mut extended = Extended::new(scene, script, live.to_vec())?;
+    let extended = Extended::new(scene, script, live.to_vec());
+    let mut extended = extended.map_err(|e| not_made(&e.to_string()))?;
     shape::find(&mut extended, of)?;
     // the laws of adjoints are not needed, but what they refuse is
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
