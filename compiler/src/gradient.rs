@@ -19,6 +19,7 @@ use crate::{
     derive::{NoDerivative, derive},
     graph::{ExprId, Graph, Leaf, Node, Role},
     law::{KinkKind, Listing, TermLaw, ValueLaw},
+    shape::{Motion, Velocity},
     term::{TermSource, law_of, listing_of, value_of},
     types::{FieldId, FieldOp, PlaceSig, RateOrder, Shape, Side},
 };
@@ -31,6 +32,8 @@ pub struct Companions {
     pub n_fields: usize,
     /// How many parameters stand behind the companions; behind them theirs.
     pub n_parameters: usize,
+    /// How the mesh moves; `None` where it does not.
+    pub velocity: Option<Velocity>,
 }
 
 impl Companions {
@@ -52,6 +55,11 @@ impl Companions {
     pub fn history(self, order: RateOrder, field: FieldId) -> FieldId {
         let first = 2 * (self.n_fields + self.n_parameters);
         FieldId::new(first + usize::from(order == RateOrder::Second) * self.n_fields + field.index())
+    }
+
+    /// How the mesh moves, by functions of a role.
+    fn motion<'e>(self, env: &Env<'e>, role: Role) -> Option<Motion<'e>> {
+        self.velocity.map(|of| Motion { of, role, fields: env.fields, n_fields: self.n_fields })
     }
 
     /// What a leaf moves by: the test function of its field, of its companion for the past.
@@ -104,22 +112,24 @@ pub fn compile_term_gradient(
         }
         _ => None,
     });
-    let law = weighted.and_then(|weighted| gradient_of(env, place, name, graph, (weighted, companions)));
+    let law =
+        weighted.and_then(|weighted| gradient_of(env, place, name, graph, (weighted, Some(weighted), companions)));
     let value = law.map_err(|none| diagnostics.push(refused(env, place, source.text(), &none))).ok();
     Checked { value, diagnostics }
 }
 
 /// The derivative of an expression times a weight, in all that it reads. `weight` is a field of as many components as the
-/// expression has entries.
+/// expression has entries. What the growth of the region by the motion of the mesh counts by is a field of its own, one number
+/// a point, where there is one.
 #[must_use]
 pub fn compile_value_gradient(
     env: &Env<'_>,
     place: &PlaceSig,
     name: &str,
     expr: &Expr,
-    weight: (FieldId, Companions),
+    weight: (FieldId, Option<FieldId>, Companions),
 ) -> Checked<TermLaw> {
-    let (field, companions) = weight;
+    let (field, growing, companions) = weight;
     let mut builder = Builder::new(env, place);
     let root = builder.expr(expr).filter(|value| builder.no_tests(expr, *value, name).is_some());
     let mut diagnostics = std::mem::take(&mut builder.diagnostics);
@@ -128,7 +138,9 @@ pub fn compile_value_gradient(
     let weight = graph.leaf(Leaf::Field { field, side: Side::Here, op: FieldOp::Value, role: Role::Current });
     let root = graph.reshape(root, graph.shape(weight));
     let weighted = graph.inner(root, weight);
-    let law = gradient_of(env, place, name, graph, (weighted, companions));
+    let growing = growing
+        .map(|field| graph.leaf(Leaf::Field { field, side: Side::Here, op: FieldOp::Value, role: Role::Current }));
+    let law = gradient_of(env, place, name, graph, (weighted, growing, companions));
     let value = law.map_err(|none| diagnostics.push(refused(env, place, expr, &none))).ok();
     Checked { value, diagnostics }
 }
@@ -147,7 +159,13 @@ pub fn compile_term_along(
     let Some(Listing { mut graph, residual: Some(residual), .. }) = value else {
         return Checked { value: None, diagnostics };
     };
-    let law = derive(&mut graph, residual, &mut |g, leaf| companions.along(g, leaf)).map(|residual| {
+    let motion = companions.motion(env, Role::Current);
+    let moved = derive(&mut graph, residual, &mut |g, leaf| {
+        let own = companions.along(g, leaf);
+        with_mesh(g, leaf, own, motion)
+    });
+    let law = moved.map(|moved| {
+        let residual = grown(&mut graph, moved, Some(residual), motion);
         let tangent = graph.number(0.0);
         law_of(env, place, name, Listing { graph, energy: None, residual: Some(residual), tangent })
     });
@@ -169,7 +187,12 @@ pub fn compile_value_along(
     let mut diagnostics = std::mem::take(&mut builder.diagnostics);
     let Some(root) = root else { return Checked { value: None, diagnostics } };
     let mut graph = builder.graph;
-    let value = match derive(&mut graph, root, &mut |g, leaf| companions.along(g, leaf)) {
+    let motion = companions.motion(env, Role::Current);
+    let moved = derive(&mut graph, root, &mut |g, leaf| {
+        let own = companions.along(g, leaf);
+        with_mesh(g, leaf, own, motion)
+    });
+    let value = match moved {
         Ok(moved) if graph.is_zero(moved) => Some(None),
         Ok(moved) => Some(Some(value_of(env, place, name, graph, moved))),
         Err(none) => {
@@ -190,18 +213,30 @@ pub fn compile_slopes(
     expr: &Expr,
     directions: &[(FieldId, usize)],
 ) -> Checked<Vec<Option<ValueLaw>>> {
+    slopes_in(env, place, name, (expr, directions.len()), &|g, leaf, k| {
+        let (moving, entry) = directions[k];
+        let is_moving = matches!(leaf, Leaf::Field { field, role: Role::Current, .. } if field == moving);
+        is_moving.then(|| unit(g, leaf, entry))
+    })
+}
+
+/// The derivatives of an expression along several directions, each of which says what leaves move by.
+fn slopes_in(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    of: (&Expr, usize),
+    moved: &dyn Fn(&mut Graph, Leaf, usize) -> Option<ExprId>,
+) -> Checked<Vec<Option<ValueLaw>>> {
+    let (expr, n) = of;
     let mut builder = Builder::new(env, place);
     let root = builder.expr(expr);
     let mut diagnostics = std::mem::take(&mut builder.diagnostics);
     let Some(root) = root else { return Checked { value: None, diagnostics } };
     let mut graph = builder.graph;
-    let mut laws = Vec::with_capacity(directions.len());
-    for (moving, entry) in directions {
-        let slope = derive(&mut graph, root, &mut |g, leaf| match leaf {
-            Leaf::Field { field, role: Role::Current, .. } if field == *moving => Some(unit(g, leaf, *entry)),
-            _ => None,
-        });
-        match slope {
+    let mut laws = Vec::with_capacity(n);
+    for k in 0..n {
+        match derive(&mut graph, root, &mut |g, leaf| moved(g, leaf, k)) {
             Ok(slope) if graph.is_zero(slope) => laws.push(None),
             Ok(slope) => laws.push(Some(value_of(env, place, name, graph.clone(), slope))),
             Err(none) => {
@@ -226,12 +261,57 @@ fn gradient_of(
     place: &PlaceSig,
     name: &str,
     mut graph: Graph,
-    of: (ExprId, Companions),
+    of: (ExprId, Option<ExprId>, Companions),
 ) -> Result<TermLaw, NoDerivative> {
-    let (number, companions) = of;
-    let residual = derive(&mut graph, number, &mut |g, leaf| companions.moved(g, leaf))?;
+    let (number, growing, companions) = of;
+    let motion = companions.motion(env, Role::Test);
+    let moved = derive(&mut graph, number, &mut |g, leaf| {
+        let own = companions.moved(g, leaf);
+        with_mesh(g, leaf, own, motion)
+    })?;
+    let residual = grown(&mut graph, moved, growing, motion);
     let tangent = graph.number(0.0);
     Ok(law_of(env, place, name, Listing { graph, energy: None, residual: Some(residual), tangent }))
+}
+
+/// What a leaf moves by on its own and with the mesh.
+fn with_mesh(g: &mut Graph, leaf: Leaf, own: Option<ExprId>, motion: Option<Motion<'_>>) -> Option<ExprId> {
+    match (own, motion.and_then(|motion| motion.of_leaf(g, leaf))) {
+        (Some(own), Some(with)) => Some(g.add(own, with)),
+        (own, with) => own.or(with),
+    }
+}
+
+/// A derivative, and what the growth of the region adds to the integral of `growing`.
+fn grown(g: &mut Graph, moved: ExprId, growing: Option<ExprId>, motion: Option<Motion<'_>>) -> ExprId {
+    let (Some(growing), Some(motion)) = (growing, motion) else { return moved };
+    match motion.growth(g) {
+        Some(growth) => {
+            let more = g.scale(growth, growing);
+            g.add(moved, more)
+        }
+        None => moved,
+    }
+}
+
+/// By how much of itself a region grows along a direction, at its points; `None` for points and where the mesh does not move.
+#[must_use]
+pub fn compile_growth_along(env: &Env<'_>, place: &PlaceSig, name: &str, companions: Companions) -> Option<ValueLaw> {
+    let mut graph = Builder::new(env, place).graph;
+    let growth = companions.motion(env, Role::Current)?.growth(&mut graph)?;
+    Some(value_of(env, place, name, graph, growth))
+}
+
+/// By direction of space the derivative of an expression in the position; `None` where it does not change with it.
+#[must_use]
+pub fn compile_position_slopes(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    expr: &Expr,
+) -> Checked<Vec<Option<ValueLaw>>> {
+    let dim = env.dim;
+    slopes_in(env, place, name, (expr, dim), &|g, leaf, k| (leaf == Leaf::X).then(|| unit(g, leaf, k)))
 }
 
 /// The message about an expression that has no second derivative.

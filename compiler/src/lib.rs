@@ -37,6 +37,7 @@ mod print;
 mod random;
 mod real;
 mod scalar;
+mod shape;
 mod sign;
 mod sinc;
 mod summands;
@@ -58,8 +59,8 @@ pub use frozen::{
     ArgumentSlope, FrozenLaw, Projection, ScaledPart, Scaling, SlopesLaw, compile_frozen, scaling_parameters,
 };
 pub use gradient::{
-    Companions, KinkSides, compile_kink_sides, compile_slopes, compile_term_along, compile_term_gradient,
-    compile_value_along, compile_value_gradient, compile_value_kink_sides,
+    Companions, KinkSides, compile_growth_along, compile_kink_sides, compile_position_slopes, compile_slopes,
+    compile_term_along, compile_term_gradient, compile_value_along, compile_value_gradient, compile_value_kink_sides,
 };
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};
@@ -68,6 +69,7 @@ pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions, function_table};
 pub use print::{PrintLaw, compile_prints};
 pub use real::Real;
+pub use shape::{Extent, Velocity};
 pub use symmetry::unit_normals;
 pub use tangent_check::{BlockCheck, EntryPlace, SlotGroup, TangentCheck, TangentSampling, check_tangent};
 pub use term::{LoadPart, TermSource, compile_condition, compile_term, compile_value};

@@ -468,9 +468,9 @@ fn what_has_no_derivative_is_told_with_its_place() {
     assert!(refused(&onset, "slap", "fric").contains("did you mean `slip`"));
     assert!(refused(&onset, "slip", "frick").contains("did you mean `fric`"));
     assert!(refused(&onset, "slip at t=3", "fric").contains("nearest one ends at"));
-    let shape = BLOCKS.replace("to [2,1]", "to [2,width]").replace("param d ", "param width = 1\nparam d ");
-    let told = refused(&format!("{shape}{NITSCHE}"), "slip", "width");
-    assert!(told.contains("E470") && told.contains("stands in the mesh") && told.contains("scene.wfl:"), "{told}");
+    let shape = BLOCKS.replace("cells [6,2]", "cells [6,rows]").replace("param d ", "param rows = 2\nparam d ");
+    let told = refused(&format!("{shape}{NITSCHE}"), "slip", "rows");
+    assert!(told.contains("E470") && told.contains("division of the mesh") && told.contains("scene.wfl:"), "{told}");
     let steps = format!("{BLOCKS}{INCREMENTS}")
         .replace("to 1.75 by", "to last by")
         .replace("param d ", "param last = 1.75\nparam d ");

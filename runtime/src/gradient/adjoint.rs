@@ -17,10 +17,11 @@ use super::{
     formulas::Formulas,
     laws::{Laws, Of},
     linear::{As, Tangent},
-    measures::{Asked, Direct, Summed, Weighed},
+    measures::{Asked, Direct, Points, Summed, Weighed},
     near::{Kinks, NearKink, join},
     parameters::to_declared,
     refused::{self, not_made},
+    shape,
     standing::{self, AGREEMENT, Ends, Standing},
 };
 use crate::{
@@ -99,7 +100,9 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     let (trajectory, ends) = standing::of_run(outcome)?;
     let mut equations = outcome.equations.clone();
     let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
-    let mut extended = Extended::new(scene, script, live.to_vec());
+    let extended = Extended::new(scene, script, live.to_vec());
+    let mut extended = extended.map_err(|e| not_made(&e.to_string()))?;
+    shape::find(&mut extended, of)?;
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
     let laws = Laws::new(&extended, script, std::mem::take(&mut asked.laws), backend)?;
     let kinks = Kinks::new(&extended, script, asked.weighed.iter().map(|w| w.measure), backend)?;
@@ -116,8 +119,11 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     let (sums, mut near) = run.all_steps(&asked, &ends, &kinks)?;
     join(&mut near, std::mem::take(&mut asked.near));
     let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
-    let mut made = Gradients { near, solutions, factorisations, ..Gradients::default() };
+    let shape::Told { near: of_mesh, notes } = shape::told(&extended, of, &request.parameters)?;
+    near.extend(of_mesh);
+    let mut made = Gradients { near, notes, solutions, factorisations, ..Gradients::default() };
     for (into, mut sum) in sums.into_iter().enumerate() {
+        extended.gather_motion(&mut sum.live);
         to_declared(script, &extended, &mut sum.live)?;
         let entries = |name: &String| {
             let k = extended.live.iter().position(|l| l.name == *name)?;
@@ -147,11 +153,8 @@ impl Backwards<'_, '_> {
     ) -> Result<(Vec<Sums>, Vec<NearKink>), Box<Diagnostic>> {
         let trajectory = self.standing.trajectory;
         let zero = self.nothing();
-        let of_one = || Sums {
-            live: vec![0.0; self.extended.n_live()],
-            data: zero.known.to_vec(),
-            lumped: OfLumped::new(zero.u.len()),
-        };
+        let of_one =
+            || Sums { live: self.extended.zeros(), data: zero.known.to_vec(), lumped: OfLumped::new(zero.u.len()) };
         let (results, n_sums) = (&asked.weighed, asked.values.len());
         let nothing = vec![zero.clone(); n_sums];
         let mut found = Found {
@@ -258,13 +261,21 @@ impl Backwards<'_, '_> {
         let (n, step) = at;
         self.standing.put_states_behind(n);
         for (weighed, weight) in read {
-            let Summed::Points(fields) = &weighed.summed else { continue };
-            let shared = self.of_measure(weighed, (fields, *weight), step)?;
+            let Summed::Points(points) = &weighed.summed else { continue };
+            let shared = self.of_measure(weighed, (points, *weight), step)?;
             join(&mut found.near, shared);
             let at = (step.time, step.increment);
             join(&mut found.near, kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));
             let into = weighed.into;
-            self.spread(1.0, true, &mut found.end[into], &mut found.start[into], &mut found.sums[into].live);
+            let live = &mut found.sums[into].live;
+            self.spread(1.0, true, &mut found.end[into], &mut found.start[into], live);
+            if let Some(moved) = &points.place {
+                let (entries, place) = live.split_at_mut(self.extended.place_range().start);
+                for (to, moved) in entries.iter_mut().zip(moved.chunks_exact(place.len())) {
+                    *to += moved.iter().zip(&*place).map(|(m, g)| m * g).sum::<f64>();
+                }
+                place.fill(0.0);
+            }
         }
         self.standing.put_states(&step.states);
         // where time starts no equation was solved, and a reaction is zero
@@ -335,22 +346,29 @@ impl Backwards<'_, '_> {
             rates.follow_histories(|order, field| &self.out[place(order, field)], factor, kept);
         }
         scaled(live, &self.out[extended.live_range()]);
+        scaled(&mut live[extended.n_live()..], &self.out[extended.motion_range()]);
     }
 
     /// The derivatives of a measure at the end of a step.
     fn of_measure(
         &mut self,
         weighed: &Weighed,
-        weights: (&[usize], f64),
+        weights: (&Points, f64),
         step: &PassedStep,
     ) -> Result<Option<NearKink>, Box<Diagnostic>> {
-        let (fields, weight) = weights;
+        let (made_of, weight) = weights;
         let values = self.standing.solving.system.values(step.at_end());
         let of = (self.extended, &self.standing.solving);
-        let (points, near) = weighed.at_points(of, values.view(), (step.time, step.increment));
+        let at = (step.time, step.increment);
+        let (mut points, near) = weighed.at_points(of, values.view(), at);
+        let mut fields = made_of.weights.clone();
+        if made_of.grows {
+            points.extend(weighed.growing(of, values.view(), at));
+            fields.extend(&made_of.growing);
+        }
         drop(values);
         let scaled = |list: Vec<f64>| list.into_iter().map(|x| weight * x).collect();
-        let weights = fields.iter().copied().zip(points.into_iter().map(scaled)).collect();
+        let weights = fields.into_iter().zip(points.into_iter().map(scaled)).collect();
         self.evaluate(
             |of| matches!(of, Of::Measure(measure, _) if measure == weighed.measure),
             step.at_end(),

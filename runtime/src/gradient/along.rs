@@ -4,7 +4,9 @@
 use std::sync::Arc;
 
 use wfl::{Checked, Diagnostic, ResolvedScript, ast::Expr};
-use wfl_compiler::{ValueLaw, backend::KernelBackend, compile_term_along, compile_value_along};
+use wfl_compiler::{
+    Companions, ValueLaw, backend::KernelBackend, compile_growth_along, compile_term_along, compile_value_along,
+};
 
 use super::{
     extended::Extended,
@@ -28,6 +30,8 @@ pub(super) struct Along {
     states: Vec<Moved>,
     /// By measure that is wanted its parts.
     measures: Vec<Vec<Moved>>,
+    /// By measure and part by how much its region grows.
+    growths: Vec<Vec<Moved>>,
 }
 
 impl Along {
@@ -45,7 +49,8 @@ impl Along {
             let Some(source) = scene.source_of(script, summary.origin) else {
                 return Err(not_made(&format!("the text of `{}` is not at hand", summary.name)));
             };
-            let made = compile_term_along(&extended.env(), &place, &summary.name, source, extended.companions());
+            let companions = extended.companions_on(domain);
+            let made = compile_term_along(&extended.env(), &place, &summary.name, source, companions);
             placed.extend(acts(made, &summary.name, domain, Of::Term(k))?);
         }
         let mut states = Vec::new();
@@ -54,27 +59,36 @@ impl Along {
             let (Some(update), Some((value, sampled))) = (update_of(script, name), state.at_points()) else {
                 return Err(not_made(&format!("the update of `{name}` is not at hand")));
             };
-            states.push(moved(extended, (name, update), value, &sampled.domain, backend)?);
+            let law = (value, extended.companions());
+            states.push(moved(extended, (name, update), law, &sampled.domain, backend)?);
         }
-        let mut measures = Vec::new();
+        let (mut measures, mut growths) = (Vec::new(), Vec::new());
         for result in results {
             let (measure, declared) = extended.measures[result.measure];
-            let (Summed::Points(_), Some((_, parts))) = (&result.summed, measure.at_points()) else {
+            let (Summed::Points(points), Some((_, parts))) = (&result.summed, measure.at_points()) else {
                 measures.push(Vec::new());
+                growths.push(Vec::new());
                 continue;
             };
             let of = |(value, sampled): &(Value, Sampled)| {
-                moved(extended, (&measure.name, &declared.expr), value, &sampled.domain, backend)
+                let law = (value, points.companions(extended, &sampled.domain));
+                moved(extended, (&measure.name, &declared.expr), law, &sampled.domain, backend)
             };
             measures.push(parts.iter().map(of).collect::<Result<_, _>>()?);
+            let grown = |(_, sampled): &(Value, Sampled)| match points.grows {
+                true => growth(extended, &measure.name, &sampled.domain, backend),
+                false => Ok(None),
+            };
+            growths.push(parts.iter().map(grown).collect::<Result<_, _>>()?);
         }
-        Ok(Self { terms: callable(extended, placed, backend)?, states, measures })
+        Ok(Self { terms: callable(extended, placed, backend)?, states, measures, growths })
     }
 
     /// Brings laws to a step.
     pub(super) fn set_step(&mut self, at: StepAt) {
         self.terms.iter_mut().for_each(|(_, term)| term.set_step(at));
-        let values = self.states.iter_mut().chain(self.measures.iter_mut().flatten()).flatten();
+        let of_measures = self.measures.iter_mut().chain(&mut self.growths).flatten();
+        let values = self.states.iter_mut().chain(of_measures).flatten();
         values.for_each(|(value, _)| *value = value.at_step(at));
     }
 
@@ -102,17 +116,18 @@ impl Along {
         Some(next)
     }
 
-    /// What a measure changes by, whose values at points count by these numbers.
+    /// What a measure changes by, whose values at points count by the first numbers and the growth of whose region by the others.
     pub(super) fn measure(
         &self,
         extended: &Extended<'_>,
-        result: (usize, &[Vec<f64>]),
+        result: (usize, [&[Vec<f64>]; 2]),
         values: FieldValues<'_>,
     ) -> f64 {
-        let (number, points) = result;
+        let (number, [points, growing]) = result;
         let mesh = &extended.scene.system.mesh;
         let mut sum = 0.0;
-        for (part, factors) in self.measures[number].iter().zip(points) {
+        let of_values = self.measures[number].iter().zip(points);
+        for (part, factors) in of_values.chain(self.growths[number].iter().zip(growing)) {
             let (Some((value, sampled)), mut factors) = (part, factors.iter()) else { continue };
             value.for_each_point(mesh, sampled, values, |_, _, _, weight, v| {
                 // a point that does not count may have no derivative
@@ -128,15 +143,36 @@ impl Along {
 fn moved(
     extended: &Extended<'_>,
     text: (&str, &Expr),
-    value: &Value,
+    law: (&Value, Companions),
     domain: &Arc<Domain>,
     backend: &dyn KernelBackend,
 ) -> Result<Moved, Box<Diagnostic>> {
-    let (name, expr) = text;
+    let ((name, expr), (value, companions)) = (text, law);
     let place = extended.place(domain, value.law.mapping.is_some());
-    let made: Checked<Option<ValueLaw>> =
-        compile_value_along(&extended.env(), &place, name, expr, extended.companions());
+    let made: Checked<Option<ValueLaw>> = compile_value_along(&extended.env(), &place, name, expr, companions);
     let Some(law) = made.value else { return Err(no_derivative(name, first(made.diagnostics))) };
+    placed_value(extended, law, domain, backend)
+}
+
+/// By how much of itself a domain grows along a direction, at its points.
+fn growth(
+    extended: &Extended<'_>,
+    name: &str,
+    domain: &Arc<Domain>,
+    backend: &dyn KernelBackend,
+) -> Result<Moved, Box<Diagnostic>> {
+    let place = extended.place(domain, false);
+    let law = compile_growth_along(&extended.env(), &place, name, extended.companions_on(domain));
+    placed_value(extended, law, domain, backend)
+}
+
+/// A law at the points of a domain.
+fn placed_value(
+    extended: &Extended<'_>,
+    law: Option<ValueLaw>,
+    domain: &Arc<Domain>,
+    backend: &dyn KernelBackend,
+) -> Result<Moved, Box<Diagnostic>> {
     let Some(law) = law else { return Ok(None) };
     let value = Value::new(law, backend).map_err(|e| not_made(&e.to_string()))?;
     let mesh = &extended.scene.system.mesh;

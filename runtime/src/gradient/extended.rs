@@ -4,21 +4,26 @@
 //! step ([`wfl_compiler::Companions`]). A parameter that changes is one number, or several, for the whole scene. One vector
 //! has the derivatives in all of them: fields, companions, parameters, each by dof. Along a direction the values of a
 //! companion are what its field moves by. Where there are rates, behind the parameters each field of the scene stands twice
-//! more: for what its equations read of its first and second rates in the past.
+//! more: for what its equations read of its first and second rates in the past. Where parameters move the mesh, last stand the
+//! velocity of its nodes, what the sizes of its cells move by, and what a point moves by that keeps its place in space.
 
 use std::{collections::BTreeMap, ops::Range, sync::Arc};
 
-use wfl::ResolvedScript;
+use wfl::{ResolvedScript, each_word};
 use wfl_compiler::{
-    Companions, Constant, Env,
+    Companions, Constant, Env, Extent, Velocity,
     types::{FieldId, FieldKind, FieldSig, InputSlot, PlaceKind, PlaceSig, Shape},
 };
 
+use super::velocities::{Velocities, each_moving_place};
 use crate::{
     Measure, Scene,
-    assemble::Domain,
+    assemble::{Domain, Over},
+    element::{ElementError, Family},
     field::{Field, FieldSpace},
+    mesh::CellId,
     point_space::PointSpace,
+    space::Space,
 };
 
 /// A parameter that changes.
@@ -49,10 +54,40 @@ pub(super) struct Extended<'a> {
     pub(super) starts: Vec<Option<usize>>,
     /// Length of the vector of all derivatives.
     pub(super) n_entries: usize,
+    /// The first of the three fields of the motion of the mesh; `None` where no parameter moves it.
+    motion: Option<usize>,
+    /// What the parameters move, once it is known.
+    pub(super) velocities: Option<Velocities>,
+}
+
+/// Whether a parameter that changes moves the mesh or the point of a measure.
+fn is_moved(script: &ResolvedScript, live: &[Live]) -> bool {
+    let mut found = false;
+    each_moving_place(script, &mut |e| {
+        each_word(e, &mut |_, word| found |= live.iter().any(|l| l.name == word));
+    });
+    found
+}
+
+/// The fields of the motion of the mesh.
+fn of_motion(scene: &Scene) -> Result<[(Field, FieldSig); 3], ElementError> {
+    let (mesh, kind) = (&scene.system.mesh, FieldKind::Data);
+    let (dim, cells) = (mesh.dim(), mesh.cells().collect::<Vec<CellId>>());
+    let space = |degree, family| Space::on_cells(mesh, &scene.topology, &cells, degree, family).map(FieldSpace::Nodal);
+    let of = |name: &str, shape: Shape, degree: usize, space: FieldSpace| {
+        let (name, global) = (name.to_owned(), matches!(space, FieldSpace::Global));
+        let field = Field { name: name.clone(), kind, n_components: shape.len(), space };
+        (field, FieldSig { name, shape, degree, kind, global, on_faces: false })
+    };
+    Ok([
+        of("velocity'", Shape::vector(dim), mesh.order(), space(mesh.order(), Family::Continuous)?),
+        of("size'", Shape::SCALAR, 0, space(0, Family::Discontinuous)?),
+        of("place'", Shape::vector(dim), 0, FieldSpace::Global),
+    ])
 }
 
 impl<'a> Extended<'a> {
-    pub(super) fn new(scene: &'a Scene, script: &'a ResolvedScript, live: Vec<Live>) -> Self {
+    pub(super) fn new(scene: &'a Scene, script: &'a ResolvedScript, live: Vec<Live>) -> Result<Self, ElementError> {
         let own = &scene.system.fields;
         let (mut fields, mut sigs): (Vec<Field>, Vec<FieldSig>) = (own.to_vec(), scene.sigs.clone());
         for (field, sig) in own.iter().zip(&scene.sigs) {
@@ -85,6 +120,13 @@ impl<'a> Extended<'a> {
                 }
             }
         }
+        let motion = is_moved(script, &live).then_some(fields.len());
+        if motion.is_some() {
+            for (field, sig) in of_motion(scene)? {
+                fields.push(field);
+                sigs.push(sig);
+            }
+        }
         let mut n_entries = 0;
         let starts = fields
             .iter()
@@ -97,11 +139,37 @@ impl<'a> Extended<'a> {
         let is_live = |name: &String| live.iter().any(|l| l.name == *name);
         let params = scene.params.iter().filter(|p| !is_live(&p.0)).cloned().collect();
         let measures = measures(scene, script);
-        Self { scene, n: own.len(), fields, sigs, live, measures, params, starts, n_entries }
+        let n = own.len();
+        Ok(Self { scene, fields, sigs, n, live, measures, params, starts, n_entries, motion, velocities: None })
     }
 
+    /// Whether parameters move the mesh.
+    pub(super) fn has_motion(&self) -> bool {
+        self.motion.is_some()
+    }
+
+    /// What stands for what, of a law that is taken over this.
+    pub(super) fn companions_over(&self, extent: Extent) -> Companions {
+        let velocity = self.motion.map(|first| {
+            let [field, size, place] = [0, 1, 2].map(|k| FieldId::new(first + k));
+            Velocity { field, size, place, extent }
+        });
+        Companions { n_fields: self.n, n_parameters: self.live.len(), velocity }
+    }
+
+    /// The same of the law of a domain.
+    pub(super) fn companions_on(&self, domain: &Domain) -> Companions {
+        self.companions_over(match domain.over {
+            Over::Cells => Extent::Cells,
+            Over::Facets => Extent::Faces,
+            Over::Edges => Extent::Edges,
+            Over::Points => Extent::Points,
+        })
+    }
+
+    /// The same of single points.
     pub(super) fn companions(&self) -> Companions {
-        Companions { n_fields: self.n, n_parameters: self.live.len() }
+        self.companions_over(Extent::Points)
     }
 
     /// What expressions see: parameters that change are fields.
@@ -189,6 +257,14 @@ impl<'a> Extended<'a> {
         values.extend(moved);
         values.extend(self.live.iter().map(|l| l.values.as_slice()));
         values.extend((0..self.live.len()).map(|k| &live[self.entries_of(k)]));
+        if let Some(first) = self.motion {
+            values.resize(first, &[]);
+            let mut behind = self.n_live();
+            for field in &self.fields[first..first + 3] {
+                values.push(&live[behind..behind + field.n_dofs()]);
+                behind += field.n_dofs();
+            }
+        }
         values.resize(self.fields.len(), &[]);
         values
     }
@@ -197,6 +273,12 @@ impl<'a> Extended<'a> {
     pub(super) fn entries_of(&self, live: usize) -> Range<usize> {
         let start: usize = self.live[..live].iter().map(|l| l.values.len()).sum();
         start..start + self.live[live].values.len()
+    }
+
+    /// The parameter that was asked for of which an entry is, or is made.
+    pub(super) fn asked_of(&self, entry: usize) -> &str {
+        let of = (0..self.live.len()).find(|k| self.entries_of(*k).contains(&entry)).map(|k| &self.live[k]);
+        of.map_or("", |l| l.made_of.as_ref().unwrap_or(&l.name))
     }
 
     /// The entries of all parameters that change.
@@ -226,6 +308,56 @@ impl<'a> Extended<'a> {
     pub(super) fn range(&self, field: usize) -> Range<usize> {
         let start = self.starts[field].unwrap_or(0);
         start..start + self.fields[field].n_dofs()
+    }
+
+    /// The derivatives in the motion of the mesh; empty where it does not move.
+    pub(super) fn motion_range(&self) -> Range<usize> {
+        match self.motion {
+            Some(first) => self.range(first).start..self.range(first + 2).end,
+            None => self.n_entries..self.n_entries,
+        }
+    }
+
+    /// Numbers by entry of the parameters that change, and behind them zeros for the motion of the mesh.
+    pub(super) fn zeros(&self) -> Vec<f64> {
+        vec![0.0; self.n_live() + self.motion_range().len()]
+    }
+
+    /// Where in such numbers is what a point moves by that keeps its place in space.
+    pub(super) fn place_range(&self) -> Range<usize> {
+        let all = self.n_live() + self.motion_range().len();
+        let dim = if self.motion.is_some() { self.scene.system.mesh.dim() } else { 0 };
+        all - dim..all
+    }
+
+    /// Moves the derivatives in the motion of the mesh, which stand behind those in the parameters, to these.
+    pub(super) fn gather_motion(&self, gradient: &mut [f64]) {
+        let Some(velocities) = &self.velocities else { return };
+        let (live, motion) = gradient.split_at_mut(self.n_live());
+        for (entry, to) in live.iter_mut().enumerate() {
+            let of_nodes = velocities.nodes[entry].iter();
+            let of_sizes = velocities.sizes.get(entry).into_iter().flatten();
+            *to += of_nodes.chain(of_sizes).zip(motion.iter()).map(|(v, g)| v * g).sum::<f64>();
+        }
+    }
+
+    /// Writes behind what the parameters move by what they move the mesh by.
+    pub(super) fn spread_motion(&self, moved: &mut [f64]) {
+        let Some(velocities) = &self.velocities else { return };
+        let (live, motion) = moved.split_at_mut(self.n_live());
+        for (entry, by) in live.iter().enumerate().filter(|(_, by)| **by != 0.0) {
+            let of_nodes = velocities.nodes[entry].iter();
+            let of_sizes = velocities.sizes.get(entry).into_iter().flatten();
+            motion.iter_mut().zip(of_nodes.chain(of_sizes)).for_each(|(m, v)| *m += by * v);
+        }
+    }
+
+    /// The first of the fields of the motion of the mesh: the velocities of its nodes.
+    pub(super) fn velocity_space(&self) -> Option<&Space> {
+        match &self.fields.get(self.motion?)?.space {
+            FieldSpace::Nodal(space) => Some(space),
+            _ => None,
+        }
     }
 
     /// The derivatives in the parameters that change.

@@ -16,6 +16,7 @@ use super::{
     near::{Kinks, NearKink, join},
     parameters::from_declared,
     refused::{self, not_made, other_size},
+    shape,
     standing::{self, AGREEMENT, Ends, Standing},
 };
 use crate::{
@@ -129,7 +130,9 @@ pub(super) fn solve(
     let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
     let mut equations = outcome.equations.clone();
     let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
-    let mut extended = Extended::new(scene, script, live.to_vec());
+    let extended = Extended::new(scene, script, live.to_vec());
+    let mut extended = extended.map_err(|e| not_made(&e.to_string()))?;
+    shape::find(&mut extended, of)?;
     // the laws of adjoints are not needed, but what they refuse is
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
     let kinks = Kinks::new(&extended, script, asked.weighed.iter().map(|w| w.measure), backend)?;
@@ -148,14 +151,16 @@ pub(super) fn solve(
     let (moved, mut near) = run.all_steps(&mut moving, &asked, &ends, &kinks)?;
     join(&mut near, std::mem::take(&mut asked.near));
     let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
-    Ok(Tangents { times, moved, near, solutions, factorisations, ..Tangents::default() })
+    let shape::Told { near: of_mesh, notes } = shape::told(&extended, of, &request.parameters)?;
+    near.extend(of_mesh);
+    Ok(Tangents { times, moved, near, notes, solutions, factorisations, ..Tangents::default() })
 }
 
 impl Forwards<'_, '_> {
     /// A direction before the first step.
     fn begin(&self, direction: &Direction) -> Result<Moving, Box<Diagnostic>> {
         let (extended, system) = (self.extended, &self.standing.solving.system);
-        let mut live = vec![0.0; extended.n_live()];
+        let mut live = extended.zeros();
         for (name, entries) in &direction.parameters {
             let Some(k) = extended.live.iter().position(|l| l.name == *name) else { continue };
             let own = &mut live[extended.entries_of(k)];
@@ -163,6 +168,7 @@ impl Forwards<'_, '_> {
             own.copy_from_slice(entries);
         }
         from_declared(self.of.script, extended, &mut live)?;
+        extended.spread_motion(&mut live);
         let mut fields = Vec::new();
         for (name, values) in &direction.fields {
             let Some(k) = system.fields.iter().position(|f| f.name == *name) else { continue };
@@ -429,6 +435,17 @@ impl Forwards<'_, '_> {
         Ok(())
     }
 
+    /// A direction with what it moves the place of a point by, from what each entry of the parameters moves that by.
+    fn at_its_place(&self, one: &Moving, moved: &[f64]) -> Moving {
+        let mut placed = one.clone();
+        let (live, place) = placed.live.split_at_mut(self.extended.place_range().start);
+        place.fill(0.0);
+        for (by, moved) in live.iter().zip(moved.chunks_exact(place.len())) {
+            place.iter_mut().zip(moved).for_each(|(p, m)| *p += by * m);
+        }
+        placed
+    }
+
     /// What a measure does along each direction, given to `put` with the number of the direction; and what there is to tell of
     /// points that share the largest value.
     fn measure(
@@ -448,14 +465,20 @@ impl Forwards<'_, '_> {
                 }
                 None
             }
-            Summed::Points(_) => {
+            Summed::Points(made_of) => {
                 let values = self.standing.solving.system.values(step.at_end());
                 let at = (step.time, step.increment);
                 let (points, shared) = weighed.at_points((self.extended, &self.standing.solving), values.view(), at);
+                let growing = match made_of.grows {
+                    true => weighed.growing((self.extended, &self.standing.solving), values.view(), at),
+                    false => Vec::new(),
+                };
                 for (d, one) in moving.iter().enumerate() {
+                    let placed = made_of.place.as_ref().map(|moved| self.at_its_place(one, moved));
+                    let one = placed.as_ref().unwrap_or(one);
                     let (current, previous) = self.values(&values, one);
                     let made = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
-                    put(d, self.laws.measure(self.extended, (number, &points), made));
+                    put(d, self.laws.measure(self.extended, (number, [&points, &growing]), made));
                 }
                 shared
             }

@@ -59,7 +59,8 @@ impl Laws {
             let Some(source) = scene.source_of(script, summary.origin) else {
                 return Err(not_made(&format!("the text of `{}` is not at hand", summary.name)));
             };
-            let made = compile_term_gradient(&extended.env(), &place, &summary.name, source, extended.companions());
+            let companions = extended.companions_on(domain);
+            let made = compile_term_gradient(&extended.env(), &place, &summary.name, source, companions);
             placed.extend(acts(made, &summary.name, domain, Of::Term(k))?);
         }
         let mut weights = Vec::new();
@@ -70,7 +71,7 @@ impl Laws {
             };
             let place = extended.place(&sampled.domain, value.law.mapping.is_some());
             let (companions, field) = (extended.companions(), FieldId::new(state.field));
-            let weight = (companions.of(field), companions);
+            let weight = (companions.of(field), None, companions);
             let made = compile_value_gradient(&extended.env(), &place, name, update, weight);
             placed.extend(acts(made, name, &sampled.domain, Of::State(k))?);
             weights.push(weights_of(extended, &sampled.domain));

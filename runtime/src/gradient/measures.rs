@@ -6,9 +6,12 @@
 
 use std::collections::BTreeMap;
 
-use wfl::{Code, Diagnostic, ResolvedScript, ast::Reduction};
+use wfl::{
+    Code, Diagnostic, ResolvedScript,
+    ast::{MeasureAt, Reduction},
+};
 use wfl_compiler::{
-    compile_value_gradient,
+    Companions, Extent, compile_value_gradient,
     types::{FieldId, InputSlot},
 };
 
@@ -16,14 +19,15 @@ use super::{
     Differentiated, Request, WantedResult,
     computed::{Arithmetic, Followed},
     extended::Extended,
+    formulas::Formula,
     laws::{Of, Placed, acts},
     near::{NEAR, NearKink},
-    refused::{flat, no_result, not_in_weights, of_balance, of_followed, within},
+    refused::{flat, no_result, not_in_weights, of_balance, of_followed, of_mapped_measure, within},
     standing::{Ends, Standing},
 };
 use crate::{
     Passed,
-    assemble::FieldValues,
+    assemble::{Domain, FieldValues},
     scene::{Measured, Solving},
     value::{Sampled, Value},
 };
@@ -31,10 +35,34 @@ use crate::{
 /// What a result is a weighted sum of.
 #[derive(Clone)]
 pub(super) enum Summed {
-    /// Values at points: by part of the points the field of their weights.
-    Points(Vec<usize>),
+    /// Values at points.
+    Points(Points),
     /// Equations of prescribed values: minus their sum, with weights by dof in local frames.
     Rows(Vec<(usize, f64)>),
+}
+
+/// The points of a measure.
+#[derive(Clone, Default)]
+pub(super) struct Points {
+    /// By part of the points the field of their weights.
+    pub(super) weights: Vec<usize>,
+    /// By part the field of the weights of what the region grows by; empty where that does not count.
+    pub(super) growing: Vec<usize>,
+    /// Whether the size of the region counts, and moves.
+    pub(super) grows: bool,
+    /// Of a point that is given by its place: by entry of the parameters and direction what that moves by.
+    pub(super) place: Option<Vec<f64>>,
+}
+
+impl Points {
+    /// What stands for what in the law of the measure.
+    pub(super) fn companions(&self, extended: &Extended<'_>, domain: &Domain) -> Companions {
+        match (&self.place, self.grows) {
+            (Some(_), _) => extended.companions_over(Extent::Place),
+            (None, true) => extended.companions_on(domain),
+            (None, false) => extended.companions(),
+        }
+    }
 }
 
 /// A measure as a weighted sum.
@@ -143,19 +171,29 @@ impl Asked {
             not_in_weights(&declared.expr, &names)?;
             return Ok(Summed::Rows(rows.to_vec()));
         }
-        let Some((_, points)) = measure.at_points() else { return Err(of_balance(name, declared.expr.span)) };
-        let (mut fields, mut any) = (Vec::new(), false);
+        let Some((reduction, points)) = measure.at_points() else { return Err(of_balance(name, declared.expr.span)) };
+        let counts = matches!(reduction, Reduction::Integral | Reduction::Mean);
+        let (mut made_of, mut any) = (Points { grows: counts && extended.has_motion(), ..Points::default() }, false);
+        if let (MeasureAt::Point(x), true) = (&declared.at, extended.has_motion()) {
+            made_of.place = Some(moved_place(extended, x)?);
+        }
         for (part, (value, sampled)) in points.iter().enumerate() {
             let weights = extended.add_weights(&sampled.domain);
+            let growing = made_of.grows.then(|| extended.add_weights(&sampled.domain));
+            if extended.has_motion() && value.law.mapping.is_some() {
+                return Err(of_mapped_measure(name, declared.expr.span));
+            }
             let place = extended.place(&sampled.domain, value.law.mapping.is_some());
-            let of = (FieldId::new(weights), extended.companions());
+            let companions = made_of.companions(extended, &sampled.domain);
+            let of = (FieldId::new(weights), growing.map(FieldId::new), companions);
             let made = compile_value_gradient(&extended.env(), &place, name, &declared.expr, of);
             let law = acts(made, name, &sampled.domain, Of::Measure(number, part))?;
             any |= law.is_some() || !follows_unknowns(scene, value);
             self.laws.extend(law);
-            fields.push(weights);
+            made_of.weights.push(weights);
+            made_of.growing.extend(growing);
         }
-        if any { Ok(Summed::Points(fields)) } else { Err(flat(name, declared.expr.span)) }
+        if any { Ok(Summed::Points(made_of)) } else { Err(flat(name, declared.expr.span)) }
     }
 
     /// What a number made of measures follows at the steps that count.
@@ -230,6 +268,19 @@ fn refused_at(script: &ResolvedScript, wanted: &WantedResult, why: &str) -> Box<
     })
 }
 
+/// By entry of the parameters and direction of space what the place of a point moves by.
+fn moved_place(extended: &Extended<'_>, x: &wfl::ast::Expr) -> Result<Vec<f64>, Box<Diagnostic>> {
+    let formula = Formula::new(extended, "the point of a measure", x)?;
+    let (n, dim) = (extended.n_live(), extended.scene.system.mesh.dim());
+    let mut out = vec![0.0; n * dim];
+    for (entry, to) in out.chunks_exact_mut(dim).enumerate() {
+        let unit: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == entry))).collect();
+        let moved = formula.moved_in_place(extended, (&[[0.0; 3]], (0.0, 0.0)), &unit)?;
+        to.iter_mut().zip(&moved).for_each(|(t, m)| *t = *m);
+    }
+    Ok(out)
+}
+
 /// The value of a result.
 fn value_of(of: Differentiated<'_>, name: &str, steps: &[f64]) -> f64 {
     let at = |step: &crate::StepResult| step.measures.iter().find(|m| m.0 == *name).map_or(f64::NAN, |m| m.1);
@@ -249,6 +300,29 @@ fn follows_unknowns(scene: &crate::Scene, value: &Value) -> bool {
 }
 
 impl Weighed {
+    /// By part of the points what the growth of the region counts by at each: the value in an integral, in a mean how far it is
+    /// above that, over the size of the region.
+    pub(super) fn growing(
+        &self,
+        of: (&Extended<'_>, &Solving<'_>),
+        values: FieldValues<'_>,
+        step: (f64, f64),
+    ) -> Vec<Vec<f64>> {
+        let (extended, solving) = of;
+        let Some((reduction, parts)) = extended.measures[self.measure].0.at_points() else { return Vec::new() };
+        let points: Vec<Vec<[f64; 2]>> =
+            parts.iter().map(|(value, sampled)| taken(solving, (value, sampled), values, step)).collect();
+        let all = || points.iter().flatten();
+        let (mean, size) = match reduction {
+            Reduction::Mean => {
+                let size: f64 = all().map(|p| p[0]).sum();
+                (all().map(|[w, v]| w * v).sum::<f64>() / size, size)
+            }
+            _ => (0.0, 1.0),
+        };
+        points.iter().map(|list| list.iter().map(|[_, v]| (v - mean) / size).collect()).collect()
+    }
+
     /// By part of the points the number of each, such that the sum over the points with the weights of the rule is the
     /// measure to first order; and what there is to tell of points that share the largest value.
     pub(super) fn at_points(

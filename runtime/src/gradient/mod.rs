@@ -10,6 +10,9 @@
 //! ds_(n-1) + R_g dg)`, then `ds_n`: one solution a step and direction, however many results. Both use laws of their own, so
 //! that each is a test of the other.
 //!
+//! Where parameters move the mesh, the velocity of its nodes is one more field that laws are differentiated in (`shape.rs`): the
+//! derivative in a parameter is that in the velocities times those that its formulas give.
+//!
 //! Laws of derivatives are compiled on request ([`wfl_compiler::compile_term_gradient`]): a run without derivatives
 //! compiles and stores nothing. Promises: what has no derivative is an error with its place, zero is never written for
 //! it; points between two branches are counted. Does not run scenes.
@@ -29,8 +32,10 @@ mod near;
 mod parameters;
 mod refused;
 mod request;
+mod shape;
 mod standing;
 mod stated;
+mod velocities;
 
 use std::time::Instant;
 

@@ -28,7 +28,7 @@ pub struct NearKink {
     pub span: Option<Span>,
     /// What they do there.
     pub kind: &'static str,
-    /// The step variable at the end of the first such step.
+    /// The step variable at the end of the first such step; not a number for what holds at all steps.
     pub time: f64,
     /// How many there.
     pub points: usize,
@@ -43,6 +43,9 @@ impl NearKink {
     #[must_use]
     pub fn finding(&self) -> Diagnostic {
         let Self { place, span, kind, time, points, of, more } = self;
+        if time.is_nan() {
+            return self.of_all_steps();
+        }
         let further = match more {
             0 => String::new(),
             1 => ", and some at another step".to_owned(),
@@ -53,6 +56,31 @@ impl NearKink {
         Diagnostic::new(Code::W660, format!("{what}`{place}` {kind} at t = {time}{further}"))
             .at_or_note(*span, "the derivative is that of one side, and another one for changes to the other side")
             .help("differences of runs to both sides show them: wfl verify --gradient")
+    }
+
+    /// W660 for what the parameters do to the mesh.
+    fn of_all_steps(&self) -> Diagnostic {
+        let Self { place, span, kind, points, of, .. } = self;
+        if *of > 0 {
+            return Diagnostic::new(Code::W660, format!("{points} of {of} cells of `{place}` {kind}"))
+                .at_or_note(*span, "the derivative is that of one of them, and another one for changes to the other side")
+                .help("cells that are a little longer along one axis have one size; wfl verify --gradient shows both sides");
+        }
+        Diagnostic::new(Code::W660, format!("the region `{place}` {kind}"))
+            .at_or_note(*span, "the derivative is that of its cells and faces as they are")
+            .help("a condition that moves with the mesh keeps them: `x == L` for the end of a box `to [L,1]`")
+    }
+
+    /// A region that takes other members on a mesh that a parameter displaces a little.
+    pub(super) fn of_region(name: &str, span: Span) -> Self {
+        let kind = "takes other cells, faces or nodes where a parameter that moves the mesh changes";
+        Self { place: name.to_owned(), span: Some(span), kind, time: f64::NAN, points: 0, of: 0, more: 0 }
+    }
+
+    /// Cells whose size has a kink; of how many.
+    pub(super) fn of_sizes(points: usize, of: usize) -> Self {
+        let kind = "have several smallest extents, which parameters change differently";
+        Self { place: "element_size".to_owned(), span: None, kind, time: f64::NAN, points, of, more: 0 }
     }
 }
 

@@ -18,6 +18,7 @@ use super::{
     formulas::evaluated,
     refused::{first, no_derivative},
     request::known,
+    velocities::each_moving_place,
 };
 use crate::Scene;
 
@@ -142,6 +143,7 @@ pub(super) fn notes(script: &ResolvedScript, scene: &Scene, request: &Request, l
 /// Calls `f` for every expression that a solution or a result is made of.
 fn for_each_formula<'s>(script: &'s ResolvedScript, request: &'s Request, f: &mut dyn FnMut(&'s Expr)) {
     script.params.iter().for_each(|p| f(&p.value));
+    each_moving_place(script, f);
     script.terms.iter().for_each(|t| f(&t.expr));
     script.loads.iter().chain(&script.fixes).for_each(|c| f(&c.value));
     let mut asked: BTreeSet<&str> = request.results.iter().map(|r| r.measure.as_str()).collect();

@@ -2,11 +2,11 @@
 
 use wfl::{
     Code, Diagnostic, ResolvedScript, Span,
-    ast::{BoxDivision, Expr, MappingKind, MeshSource, OptionItem, OptionValue, QuadratureRule, RegionExpr},
+    ast::{BoxDivision, Expr, MappingKind, MeshSource, OptionItem, OptionValue, Placing, QuadratureRule, RegionExpr},
     each_word, is_auto,
 };
 
-use super::{Differentiated, Request, extended::Live, request::known};
+use super::{Differentiated, Request, extended::Live, request::known, velocities::each_moving_place};
 use crate::{Scene, newton::Stop, scene::place_of_moving, system::FIXED};
 
 /// The code of what has no derivative.
@@ -150,6 +150,46 @@ fn placed(d: Diagnostic, at: Option<Span>) -> Diagnostic {
     }
 }
 
+/// A mapping in a scene whose mesh moves.
+pub(super) fn of_mapping(name: &str, span: Option<Span>) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` moves the mesh, and images of a mapping do not follow that yet"));
+    let d = d.help("`interface` where the meshes meet; differences of whole runs do for mappings: wfl sweep");
+    Box::new(placed(d, span))
+}
+
+/// Nodes that follow others on a mesh that moves.
+pub(super) fn of_ties(name: &str) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` moves the mesh, and nodes that follow others have no derivatives there yet"));
+    Box::new(d.help("differences of whole runs: wfl sweep"))
+}
+
+/// A normal displacement that is prescribed on faces whose normals turn.
+pub(super) fn of_turning_support(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` turns the normals of this support: that has no derivative yet")).at(span, "");
+    Box::new(d.help("a penalty or a multiplier for u.Normal follows them; differences of whole runs: wfl sweep"))
+}
+
+/// A nodal rule on faces that are or become no parallelograms.
+pub(super) fn of_nodal_faces(name: &str, place: (&str, Span)) -> Box<Diagnostic> {
+    let (of, span) = place;
+    let d = message(format!(
+        "`{name}` moves the faces of `{of}`, which bend and have their points at nodes: that has no derivative yet"
+    ));
+    Box::new(d.at(span, "").help("a rule of Gauss: `quadrature R degree=2`; differences of whole runs: wfl sweep"))
+}
+
+/// First values of a state that are others at other places, on a mesh that moves.
+pub(super) fn of_points(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` begins with other values at other places, and parameters move those"));
+    Box::new(d.at(span, "").help("a data field with this formula, from which the state begins"))
+}
+
+/// A measure through a mapping on a mesh that moves.
+pub(super) fn of_mapped_measure(name: &str, span: Span) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` reads through a mapping, which does not follow a mesh that parameters move yet"));
+    Box::new(d.at(span, "").help("differences of whole runs: wfl sweep"))
+}
+
 /// Refuses parameters in what multiplies the unknown of a reaction.
 pub(super) fn not_in_weights(reaction: &Expr, live: &[&str]) -> Result<(), Box<Diagnostic>> {
     let mut found = None;
@@ -208,12 +248,20 @@ fn fields(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnosti
     }
 }
 
-/// Refuses parameters that stand where no derivative follows them: mesh, regions, mappings, steps, options.
+/// Refuses parameters that stand where no derivative follows them: division of the mesh, regions that do not move with it,
+/// mappings, steps, options.
 pub(super) fn places(script: &ResolvedScript, live: &[Live]) -> Result<(), Box<Diagnostic>> {
     let mut found: Option<(Span, String, &'static str, &'static str)> = None;
+    // a region whose condition moves with the mesh keeps its members, which is looked at
+    let root = |l: &Live| l.made_of.clone().unwrap_or_else(|| l.name.clone());
+    let mut movers: Vec<String> = Vec::new();
+    each_moving_place(script, &mut |e| {
+        each_word(e, &mut |_, word| movers.extend(live.iter().filter(|l| l.name == word).map(root)));
+    });
     each_fixed_place(script, &mut |e, what, help| {
         each_word(e, &mut |at, word| {
-            if found.is_none() && live.iter().any(|l| l.name == word) {
+            let is_followed = |l: &Live| what == REGION && movers.contains(&root(l));
+            if found.is_none() && live.iter().any(|l| l.name == word && !is_followed(l)) {
                 found = Some((at.span, word.to_owned(), what, help));
             }
         });
@@ -233,18 +281,30 @@ pub(super) fn places(script: &ResolvedScript, live: &[Live]) -> Result<(), Box<D
     }
 }
 
-const OF_SHAPE: &str = "a change of the shape is not followed yet; differences of whole runs show it: wfl sweep";
+const REGION: &str = "a region";
+const OF_SHAPE: &str = "differences of whole runs show what it changes: wfl sweep";
+const OF_REGION: &str = "in a region of a mesh that moves with it, it has one; differences of whole runs: wfl sweep";
 const OF_STEPS: &str = "a load that grows with the step variable has a factor of its own: give that a param";
 const OF_OPTION: &str = "give the option a number, so that the parameter changes the equations alone";
 
 /// Calls `f` for every expression that no derivative follows, with where it stands and what to do.
 fn each_fixed_place<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr, &'static str, &'static str)) {
     if let Some(mesh) = &script.mesh {
-        if let MeshSource::Box { from, to, division: BoxDivision::Cells(d) | BoxDivision::Size(d), .. } = &mesh.source {
-            [from, to, d].into_iter().for_each(|e| f(e, "the mesh", OF_SHAPE));
+        match &mesh.source {
+            MeshSource::Box { division: BoxDivision::Cells(d) | BoxDivision::Size(d), .. } => {
+                f(d, "the division of the mesh", OF_SHAPE);
+            }
+            MeshSource::Files(files) if files.len() > 1 => {
+                mesh.source.placing().for_each(|e| f(e, "the place of one of several mesh files", OF_SHAPE));
+            }
+            MeshSource::Files(files) => {
+                for step in files.iter().flat_map(|file| &file.placed) {
+                    if let Placing::Turned(_, Some(axis)) = step {
+                        f(axis, "the axis of a turn", OF_SHAPE);
+                    }
+                }
+            }
         }
-        mesh.source.placing().for_each(|e| f(e, "the place of a mesh file", OF_SHAPE));
-        mesh.map.iter().for_each(|e| f(e, "the map of the mesh", OF_SHAPE));
         options(&mesh.options, f);
     }
     for refinement in &script.refinements {
@@ -271,19 +331,14 @@ fn each_fixed_place<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr, 
             f(e, "`quadrature`", OF_OPTION);
         }
     }
-    for measure in &script.measures {
-        if let wfl::ast::MeasureAt::Point(e) = &measure.at {
-            f(e, "the point of a measure", OF_SHAPE);
-        }
-    }
 }
 
 fn region<'s>(of: &'s RegionExpr, f: &mut dyn FnMut(&'s Expr, &'static str, &'static str)) {
     match of {
         RegionExpr::Name(_) | RegionExpr::Interface { .. } => {}
-        RegionExpr::Along { towards, .. } => towards.iter().for_each(|e| f(e, "a region", OF_SHAPE)),
+        RegionExpr::Along { towards, .. } => towards.iter().for_each(|e| f(e, REGION, OF_REGION)),
         RegionExpr::Picked { condition, .. } => {
-            condition.iter().for_each(|c| wfl::cond_children(c, &mut |e| f(e, "a region", OF_SHAPE)));
+            condition.iter().for_each(|c| wfl::cond_children(c, &mut |e| f(e, REGION, OF_REGION)));
         }
         RegionExpr::Combine(first, rest) => {
             region(first, f);

@@ -49,7 +49,7 @@ pub(super) fn build(
         None => (whole(script, with, found)?, None),
         Some(part) => part_of_mesh(script, part, found).map(|(place, told)| (place, Some(told)))?,
     };
-    let Place { mesh, refined, topology, regions, inputs, params } = place;
+    let Place { mesh, refined, unmapped, topology, regions, inputs, params } = place;
     let With { folder, backend, keep, sampling, .. } = with;
     let bare = Env { dim: mesh.dim(), ..constants::bare_env(script, mesh.dim(), &params) };
     let diagnostics = &mut found.diagnostics;
@@ -78,6 +78,7 @@ pub(super) fn build(
         env: &env,
         mesh,
         refined,
+        unmapped,
         topology,
         regions,
         fields,
@@ -355,6 +356,7 @@ impl Builder<'_> {
             times,
             unused_fields,
             refined: self.refined,
+            unmapped: self.unmapped,
             inputs: self.inputs,
             tables,
             idle: idle.notes,

@@ -112,6 +112,16 @@ pub(super) fn numbers(env: &Env<'_>, what: &str, e: &Expr, diagnostics: &mut Vec
     Some(value.values)
 }
 
+/// A constant expression of a scene that was prepared; `None` where it is no constant.
+pub(crate) fn numbers_of(
+    script: &ResolvedScript,
+    params: &BTreeMap<String, Constant>,
+    dim: usize,
+    e: &Expr,
+) -> Option<Vec<f64>> {
+    numbers(&bare_env(script, dim, params), "a constant", e, &mut Vec::new())
+}
+
 /// A constant expression as one number.
 pub(super) fn number(env: &Env<'_>, what: &str, e: &Expr, diagnostics: &mut Vec<Diagnostic>) -> Option<f64> {
     let values = numbers(env, what, e, diagnostics)?;

@@ -245,6 +245,17 @@ fn divided(
     }
 }
 
+/// The corners of the box of a scene that was prepared; `None` for a mesh from a file.
+pub(crate) fn corners_of(script: &ResolvedScript, params: &BTreeMap<String, Constant>) -> Option<[[f64; 3]; 2]> {
+    let MeshSource::Box { from, to, .. } = &script.mesh.as_ref()?.source else { return None };
+    let env = bare_env(script, dimension(script, None), params);
+    // a scene that was prepared has no messages left
+    let mut unused = Vec::new();
+    let mut corner = |e: &Expr| numbers(&env, "a corner of the box", e, &mut unused);
+    let [low, high] = [corner(from)?, corner(to)?];
+    Some([low, high].map(|v| [0, 1, 2].map(|d| v.get(d).copied().unwrap_or(0.0))))
+}
+
 /// The division of a `mesh box`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneBox {

@@ -99,6 +99,7 @@ use batch::Batch;
 pub use between::Between;
 pub use cadence::{Cadence, Every, StepPlace};
 pub use caller::GiveError;
+pub(crate) use constants::numbers_of;
 pub use constraints::Prescribed;
 pub(crate) use equations::node_positions;
 pub use equations::{Equations, Solving};
@@ -112,12 +113,13 @@ pub use held::Printed;
 pub use inputs::InputFile;
 pub use mappings::place_of_moving;
 pub use mesh::SceneBox;
-pub(crate) use mesh::bodies_of;
+pub(crate) use mesh::{bodies_of, corners_of};
 pub use options::{Auto, DEFAULT_STEP_ERROR, Steps};
 pub use outputs::{CsvOutput, VtkOutput};
 use part::PartOfUnknowns;
 pub use part::{FromWhole, ScenePart};
 use place::Findings;
+pub(crate) use place::displaced_regions;
 pub(crate) use rates::MOST_FRACTION;
 pub use reactions::Measured;
 pub use refined::Refined;
@@ -270,6 +272,8 @@ pub struct Scene {
     pub unused_fields: Vec<String>,
     /// How its mesh was refined; `None` if it was not.
     pub refined: Option<Refined>,
+    /// Where its nodes were before the map of the mesh; nothing without one.
+    pub(crate) unmapped: Option<Vec<[f64; 3]>>,
     /// The files that were read for it.
     pub inputs: Vec<InputFile>,
     /// What a run has to know of its tables, and of what else drives it.
@@ -364,6 +368,7 @@ struct Builder<'a> {
     env: &'a Env<'a>,
     mesh: Mesh,
     refined: Option<Refined>,
+    unmapped: Option<Vec<[f64; 3]>>,
     topology: Topology,
     regions: Regions,
     fields: Vec<Field>,

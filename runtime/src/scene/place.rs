@@ -6,12 +6,13 @@ use wfl::{Diagnostic, Lost, ResolvedScript};
 use wfl_compiler::{Constant, backend::KernelBackend};
 
 use super::{
-    InputFile, Refined, Regions, With, constants, mesh, mesh_files,
+    InputFile, Refined, Regions, Scene, With, constants, mesh, mesh_files,
     part::{PartOfUnknowns, ScenePart},
+    refined::Made,
     regions,
 };
 use crate::{
-    mesh::{Mesh, Topology},
+    mesh::{Mesh, Topology, map_nodes},
     space::SpacePart,
     team::Team,
 };
@@ -29,6 +30,8 @@ pub(super) struct Findings {
 pub(super) struct Place {
     pub(super) mesh: Mesh,
     pub(super) refined: Option<Refined>,
+    /// Where the nodes were before the map of the mesh; nothing without one.
+    pub(super) unmapped: Option<Vec<[f64; 3]>>,
     pub(super) topology: Topology,
     pub(super) regions: Regions,
     pub(super) inputs: Vec<InputFile>,
@@ -60,12 +63,12 @@ pub(super) fn whole(script: &ResolvedScript, with: With<'_>, found: &mut Finding
         bodies: sampling.bodies,
         diagnostics: &mut found.diagnostics,
     };
-    let (mesh, refined) = made.make(read, rounds)?;
+    let Made { mesh, refined, unmapped } = made.make(read, rounds)?;
     found.dim = Some(mesh.dim());
     let topology = topology(script, &mesh, found)?;
     let smallest = refined.as_ref().map_or(f64::INFINITY, |r| r.smallest);
     let regions = regions_of(script, &mesh, &topology, &params, backend, smallest, found);
-    Some(Place { mesh, refined, topology, regions, inputs, params })
+    Some(Place { mesh, refined, unmapped, topology, regions, inputs, params })
 }
 
 /// The part of a mesh that a rank was sent.
@@ -77,7 +80,8 @@ pub(super) fn part_of_mesh(script: &ResolvedScript, part: OnTeam, found: &mut Fi
     found.dim = Some(mesh.dim());
     let topology = topology(script, &mesh, found)?;
     let regions = ScenePart::regions(regions, script);
-    Some((Place { mesh, refined: None, topology, regions, inputs, params }, Told { spaces, unknowns }))
+    let place = Place { mesh, refined: None, unmapped: None, topology, regions, inputs, params };
+    Some((place, Told { spaces, unknowns }))
 }
 
 fn topology(script: &ResolvedScript, mesh: &Mesh, found: &mut Findings) -> Option<Topology> {
@@ -118,4 +122,22 @@ fn regions_of(
         found.lost.add(&name.name);
     }
     regions
+}
+
+/// The regions of a scene on its mesh with the nodes elsewhere and other values of parameters; those that are empty there are
+/// missing. `None` where that is no mesh.
+pub(crate) fn displaced_regions(
+    script: &ResolvedScript,
+    scene: &Scene,
+    backend: &dyn KernelBackend,
+    params: &BTreeMap<String, Constant>,
+    nodes: &[[f64; 3]],
+) -> Option<Regions> {
+    let mut next = nodes.iter();
+    let place = |_| -> Result<[f64; 3], ()> { next.next().copied().ok_or(()) };
+    let mesh = map_nodes(Mesh::clone(&scene.system.mesh), place).ok()?;
+    let topology = Topology::new(&mesh).ok()?;
+    let smallest = scene.refined.as_ref().map_or(f64::INFINITY, |r| r.smallest);
+    let mut found = Findings { diagnostics: Vec::new(), lost: Lost::default(), dim: Some(mesh.dim()) };
+    Some(regions_of(script, &mesh, &topology, params, backend, smallest, &mut found))
 }

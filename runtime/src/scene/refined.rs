@@ -31,13 +31,26 @@ pub struct Refined {
     pub smallest: f64,
 }
 
+/// The mesh of a scene as it is made.
+pub(super) struct Made {
+    pub(super) mesh: Mesh,
+    pub(super) refined: Option<Refined>,
+    /// Where the nodes were before the map of the mesh; nothing without one.
+    pub(super) unmapped: Option<Vec<[f64; 3]>>,
+}
+
+fn unmapped(mesh: &Mesh, map: Option<&NodeMap>) -> Option<Vec<[f64; 3]>> {
+    map.map(|_| mesh.nodes().to_vec())
+}
+
 impl MeshMaker<'_> {
     /// The mesh with its nodes where they are in the end, and how it was refined; `None` after a message.
-    pub(super) fn make(mut self, read: Option<Vec<Mesh>>, rounds: &[Vec<Mark>]) -> Option<(Mesh, Option<Refined>)> {
+    pub(super) fn make(mut self, read: Option<Vec<Mesh>>, rounds: &[Vec<Mark>]) -> Option<Made> {
         let (mesh, map) = self.unmoved(read)?;
         let script = self.script;
         if rounds.is_empty() && script.refinements.is_empty() {
-            return Some((self.moved(mesh, map.as_ref(), None)?, None));
+            let unmapped = unmapped(&mesh, map.as_ref());
+            return Some(Made { mesh: self.moved(mesh, map.as_ref(), None)?, refined: None, unmapped });
         }
         let mesh_span = script.mesh.as_ref()?.span;
         let (cells_before, shape) = (mesh.n_cells(), self.moved(mesh.clone(), map.as_ref(), None)?);
@@ -54,9 +67,12 @@ impl MeshMaker<'_> {
             let descent = refiner.refine(marks);
             descents.push(self.checked(descent, mesh_span)?);
         }
-        let mesh = self.moved(refiner.into_mesh(), map.as_ref(), Some(&warnings))?;
+        let mesh = refiner.into_mesh();
+        let unmapped = unmapped(&mesh, map.as_ref());
+        let mesh = self.moved(mesh, map.as_ref(), Some(&warnings))?;
         let smallest = summary(&mesh).min_size;
-        Some((mesh, Some(Refined { cells_before, statements, rounds: descents, smallest })))
+        let refined = Some(Refined { cells_before, statements, rounds: descents, smallest });
+        Some(Made { mesh, refined, unmapped })
     }
 
     /// Marks that were read may be of another mesh.

@@ -428,7 +428,8 @@ pages! {
         E470,
         "a derivative that does not exist, or not yet",
         "`gradient` and `--gradient` differentiate measures in parameters of terms, loads, states, prescribed and first values, data and \
-         measures. No derivative follows parameters of the mesh, of regions, mappings, steps and options, values `auto`, nodes \
+         measures, and of the corners, the place and the map of the mesh. No derivative follows parameters of its division, of \
+         regions that do not move with it, mappings, steps and options, values `auto`, nodes \
          without mass, several ranks, steps that did not converge and a singular tangent at the solution. A share or \
          a count of points jumps: its derivative is zero wherever it has one; the mean of what the condition compares changes \
          smoothly. The message has the place and what to do; differences of whole runs (`wfl sweep`) do for the rest.",
