@@ -132,6 +132,7 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
             value: asked.values[into],
             parameters: request.parameters.iter().filter_map(entries).collect(),
             fields: request.fields.iter().filter_map(field).collect(),
+            sides: Vec::new(),
         });
     }
     Ok(made)

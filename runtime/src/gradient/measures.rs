@@ -248,7 +248,61 @@ fn follows_unknowns(scene: &crate::Scene, value: &Value) -> bool {
     })
 }
 
+/// What of the values at its points a measure is made of.
+pub(super) struct Counted {
+    /// By part and point the factor of what the point changes by in what the measure changes by: of a largest or smallest
+    /// value one for each point that has it, and minus one for a smallest one.
+    pub(super) counts: Vec<Vec<f64>>,
+    /// It is the largest or smallest value of several points.
+    pub(super) shared: bool,
+    reduction: Reduction,
+}
+
+impl Counted {
+    /// What the measure changes by, of what its points change by: the largest of those that share the largest value.
+    pub(super) fn along(&self, moved: &[Vec<f64>]) -> f64 {
+        let each = || self.counts.iter().flatten().zip(moved.iter().flatten()).filter(|(c, _)| **c != 0.0);
+        match self.reduction {
+            Reduction::Max | Reduction::Min => {
+                let sign = if self.reduction == Reduction::Min { -1.0 } else { 1.0 };
+                sign * each().map(|(count, x)| count * x).fold(f64::NEG_INFINITY, f64::max)
+            }
+            _ => each().map(|(count, x)| count * x).sum(),
+        }
+    }
+}
+
 impl Weighed {
+    /// What of the values at its points the measure is made of.
+    pub(super) fn taken_at(
+        &self,
+        of: (&Extended<'_>, &Solving<'_>),
+        values: FieldValues<'_>,
+        step: (f64, f64),
+    ) -> Counted {
+        let (extended, solving) = of;
+        let (reduction, parts) = extended.measures[self.measure].0.at_points().expect("others are refused");
+        let points: Vec<Vec<[f64; 2]>> =
+            parts.iter().map(|(value, sampled)| taken(solving, (value, sampled), values, step)).collect();
+        let all = || points.iter().flatten();
+        let with = |f: &dyn Fn(&[f64; 2]) -> f64| points.iter().map(|list| list.iter().map(f).collect()).collect();
+        let (counts, shared) = match reduction {
+            Reduction::Integral => (with(&|p| p[0]), false),
+            Reduction::Mean => {
+                let size = all().map(|p| p[0]).sum::<f64>();
+                (with(&|p| p[0] / size), false)
+            }
+            _ => {
+                let sign = if reduction == Reduction::Min { -1.0 } else { 1.0 };
+                let best = all().map(|p| sign * p[1]).fold(f64::NEG_INFINITY, f64::max);
+                let is_best = |p: &[f64; 2]| best - sign * p[1] <= NEAR * best.abs();
+                let shared = reduction != Reduction::Value && all().filter(|p| is_best(p)).count() > 1;
+                (with(&|p| if is_best(p) { sign } else { 0.0 }), shared)
+            }
+        };
+        Counted { counts, shared, reduction }
+    }
+
     /// By part of the points the number of each, such that the sum over the points with the weights of the rule is the
     /// measure to first order; and what there is to tell of points that share the largest value.
     pub(super) fn at_points(

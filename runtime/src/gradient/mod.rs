@@ -8,7 +8,7 @@
 //!
 //! From the first step to the last one, along a direction of the parameters: `K_n du_n = -(R_p dp + R_(u-) du_(n-1) + R_s
 //! ds_(n-1) + R_g dg)`, then `ds_n`: one solution a step and direction, however many results. Both use laws of their own, so
-//! that each is a test of the other.
+//! that each is a test of the other. To one side points between two branches go with the direction ([`sided`]).
 //!
 //! Laws of derivatives are compiled on request ([`wfl_compiler::compile_term_gradient`]): a run without derivatives
 //! compiles and stores nothing. Promises: what has no derivative is an error with its place, zero is never written for
@@ -29,6 +29,8 @@ mod near;
 mod parameters;
 mod refused;
 mod request;
+mod sided;
+mod sides;
 mod standing;
 mod stated;
 
@@ -43,6 +45,7 @@ pub use jacobian::{Jacobian, Mode};
 pub use near::NearKink;
 pub use refused::{NO_DERIVATIVE, not_together};
 pub use request::{Request, Result as WantedResult, When};
+pub use sides::{Side, ToSides};
 pub use stated::{settle, stated};
 
 /// What is differentiated: a run with the scene that it is of.
@@ -71,6 +74,8 @@ pub struct Gradient {
     pub parameters: Vec<(String, Vec<f64>)>,
     /// By data field its values: `[node * components + component]`.
     pub fields: Vec<(String, Vec<f64>)>,
+    /// Derivatives to one side, by parameter that was asked for.
+    pub sides: Vec<ToSides>,
 }
 
 /// The derivatives of several results.
@@ -111,6 +116,9 @@ pub fn gradients(of: Differentiated<'_>, request: &Request) -> Result<Gradients,
     refused::check(of, request)?;
     let live = parameters::live(of.script, of.scene, request)?;
     let mut made = adjoint::solve(of, request, &live)?;
+    if !request.sides.is_empty() {
+        sides::add(of, request, &mut made)?;
+    }
     made.notes.extend(parameters::notes(of.script, of.scene, request, &live));
     let silent: Vec<String> = request.fields.iter().filter_map(|f| without_influence(of.scene, &made, f)).collect();
     made.notes.extend(silent);
@@ -143,7 +151,7 @@ pub fn tangents(
     let request = forward::request(measures, directions);
     refused::check(of, &request)?;
     let live = parameters::live(of.script, of.scene, &request)?;
-    let mut made = forward::solve(of, &request, &live, directions)?;
+    let mut made = forward::solve(of, &request, &live, directions, false)?;
     made.notes.extend(parameters::notes(of.script, of.scene, &request, &live));
     made.seconds = begin.elapsed().as_secs_f64();
     Ok(made)

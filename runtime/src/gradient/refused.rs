@@ -6,7 +6,7 @@ use wfl::{
     each_word, is_auto,
 };
 
-use super::{Differentiated, Request, extended::Live, request::known};
+use super::{Differentiated, Request, extended::Live, near::NearKink, request::known};
 use crate::{Scene, newton::Stop, scene::place_of_moving, system::FIXED};
 
 /// The code of what has no derivative.
@@ -34,6 +34,21 @@ pub(super) fn no_derivative(what: &str, why: Option<Diagnostic>) -> Box<Diagnost
 /// A fault on the way.
 pub(super) fn not_made(why: &str) -> Box<Diagnostic> {
     Box::new(message("the derivatives could not be computed").note(why))
+}
+
+/// No choice of branches solves the equations to one side.
+pub(super) fn no_side(time: f64) -> Box<Diagnostic> {
+    let d = message(format!(
+        "at t = {time} points are between two branches, and no choice of them was found that the unknowns lead to: no derivative \
+         to this side"
+    ));
+    Box::new(d.help("differences of whole runs show what happens: wfl verify --gradient"))
+}
+
+/// A number made of measures that is between two branches itself.
+pub(super) fn number_between(near: &NearKink) -> Box<Diagnostic> {
+    let d = message(format!("`{}` is between two branches of its own: it has no derivative to one side yet", near.place));
+    Box::new(placed(d, near.span).help("the measures that it is made of have one"))
 }
 
 /// A direction of another size than what it moves.

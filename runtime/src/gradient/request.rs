@@ -2,6 +2,8 @@
 
 use wfl::nearest;
 
+use super::sides::Side;
+
 /// At which steps a measure counts.
 #[derive(Clone, Debug, PartialEq)]
 pub enum When {
@@ -39,6 +41,8 @@ pub struct Request {
     pub fields: Vec<String>,
     /// The results are summands of one.
     pub together: bool,
+    /// Parameters in which derivatives to one side are wanted, too.
+    pub sides: Vec<Side>,
 }
 
 /// Values of the step variable within this part of the range are one.
@@ -70,6 +74,26 @@ impl Request {
             }
         }
         Ok(made)
+    }
+
+    /// Adds derivatives to one side, as they are written: `+F` for larger values, `-F` for smaller ones, `F` for both.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn read_sides(&mut self, list: &str) -> std::result::Result<(), String> {
+        for word in list.split(',').map(str::trim) {
+            let side = Side::read(word);
+            if !self.parameters.contains(&side.parameter) {
+                let names: Vec<&str> = self.parameters.iter().map(String::as_str).collect();
+                let help = known(&side.parameter, &names, "number after --with");
+                return Err(format!(
+                    "`{word}` is no side of a parameter of the derivatives\n  = help: +F to larger values, -F to smaller ones, F \
+                     to both; {help}"
+                ));
+            }
+            self.sides.push(side);
+        }
+        Ok(())
     }
 }
 

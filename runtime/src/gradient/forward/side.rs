@@ -1,0 +1,178 @@
+//! A step to one side: where points are between two branches, the equations of what the unknowns move by have pieces, and
+//! Newton's method finds the one that its own solution lies on.
+//!
+//! With `F'(u; du)` what the equations change by along `du`, which is linear on each piece, `F'(u; du) = 0` at the free dofs.
+//! Each iterate takes the tangent of the piece that it lies on; where that does not bring it nearer, a part of the way. A
+//! second search from the other side tells whether the solution is the only one.
+
+use wfl::Diagnostic;
+
+use super::{Forwards, Moving, Weighed};
+use crate::{
+    PassedStep,
+    assemble::FieldValues,
+    csr::Csr,
+    gradient::{refused::{no_side, not_made}, standing::AGREEMENT},
+    system::StateValues,
+};
+
+/// Iterations at most: pieces are few where points between two branches are few.
+const MOST: usize = 100;
+/// The parts of the way that are tried.
+const SMALLEST_PART: f64 = 1.0 / 256.0;
+/// A row that is met to this part of its summands is met: rounding of some hundred summands.
+const MET: f64 = 1e-12;
+/// Solutions further apart than this part of the larger one are two.
+const OTHER: f64 = 1e-6;
+
+/// An iterate: what the unknowns move by, and what the equations are off by.
+struct Iterate {
+    u: Vec<f64>,
+    rows: Vec<f64>,
+    error: f64,
+    correction: Vec<f64>,
+}
+
+impl Forwards<'_, '_> {
+    /// Finds out whether points of the equations are between two branches.
+    pub(super) fn look(&mut self, step: &PassedStep, one: &Moving) {
+        let Some(mut sided) = self.sided.take() else { return };
+        let values = self.standing.solving.system.values(&step.u);
+        let (current, previous) = self.values(&values, one);
+        let values = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
+        let decides = sided.look(self.extended, values);
+        self.decides = decides;
+        self.sided = Some(sided);
+    }
+
+    /// What the unknowns move by, on the branches that this leads to; `one` has what is prescribed.
+    pub(super) fn step_to_side(&mut self, step: &PassedStep, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
+        let prescribed = one.end.u.clone();
+        let Some(found) = self.search(step, one, &prescribed, prescribed.clone())? else {
+            return Err(no_side(step.time));
+        };
+        // as far on the other side of what is prescribed
+        let mirrored = prescribed.iter().zip(&found.u).map(|(p, u)| 2.0 * p - u).collect();
+        let other = self.search(step, one, &prescribed, mirrored).ok().flatten();
+        if other.is_some_and(|other| self.are_two(&found.u, &other.u)) {
+            let told = format!(
+                "at t = {} more than one choice of branches solves the equations to this side: the derivative is that of one \
+                 of them",
+                step.time
+            );
+            if !self.told.contains(&told) {
+                self.told.push(told);
+            }
+        }
+        one.end.u = found.u;
+        one.rows = found.rows;
+        self.standing.solving.system.numbering.turn(&mut one.rows);
+        Ok(())
+    }
+
+    /// True if two solutions differ in a field by more than rounding.
+    fn are_two(&self, a: &[f64], b: &[f64]) -> bool {
+        let system = &self.standing.solving.system;
+        (0..system.fields.len()).filter_map(|k| system.range(k)).any(|range| {
+            let (a, b) = (&a[range.clone()], &b[range]);
+            let size = a.iter().chain(b).fold(0.0f64, |m, x| m.max(x.abs()));
+            a.iter().zip(b).any(|(x, y)| (x - y).abs() > OTHER * size)
+        })
+    }
+
+    /// Newton's method from `start`; nothing where it ends on no piece of its own.
+    fn search(
+        &mut self,
+        step: &PassedStep,
+        one: &mut Moving,
+        prescribed: &[f64],
+        start: Vec<f64>,
+    ) -> Result<Option<Iterate>, Box<Diagnostic>> {
+        one.end.u = prescribed.to_vec();
+        let loads = self.residual(step, one)?;
+        one.end.u = start;
+        let (mut best, mut part): (Option<Iterate>, f64) = (None, 1.0);
+        for _ in 0..MOST {
+            let rows = self.residual(step, one)?;
+            let matrix = self.matrix_to_side(step, one)?;
+            let error = self.row_error(&matrix, (&rows, &loads), (&one.end.u, prescribed));
+            if best.as_ref().is_none_or(|best| error < best.error) {
+                let rhs: Vec<f64> = rows.iter().map(|x| -x).collect();
+                let u = one.end.u.clone();
+                if error <= MET {
+                    return Ok(Some(Iterate { u, rows, error, correction: Vec::new() }));
+                }
+                let system = &self.standing.solving.system;
+                let correction = self.tangent.solve_with(system, matrix, &rhs, self.of.threads)?;
+                best = Some(Iterate { u, rows, error, correction });
+                part = 1.0;
+            } else {
+                part *= 0.5;
+            }
+            let Some(best) = best.as_ref().filter(|_| part >= SMALLEST_PART) else { break };
+            one.end.u = best.u.iter().zip(&best.correction).map(|(u, x)| u + part * x).collect();
+        }
+        // what rounding leaves where summands cancel
+        Ok(best.filter(|best| best.error <= AGREEMENT))
+    }
+
+    /// The tangent on the piece that a direction lies on.
+    fn matrix_to_side(&self, step: &PassedStep, one: &Moving) -> Result<Csr, Box<Diagnostic>> {
+        let system = &self.standing.solving.system;
+        let Some(sided) = &self.sided else { return Err(not_made("laws to one side were not made")) };
+        let of = system.values(&step.u);
+        let (current, previous) = self.values(&of, one);
+        let values = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
+        let mut tangent = system.new_tangent();
+        let made = sided.with_stand_ins(values, |others| system.tangent_with(&step.u, others, &mut tangent));
+        made.map_err(|e| not_made(&e.to_string()))?;
+        system.bulk().plus(&tangent.changing).map_err(|e| not_made(&e.to_string()))
+    }
+
+    /// The largest part of its summands that an equation is off by.
+    fn row_error(&self, matrix: &Csr, off: (&[f64], &[f64]), moved: (&[f64], &[f64])) -> f64 {
+        let numbering = &self.standing.solving.system.numbering;
+        let free = |v: &[f64]| {
+            let (mut turned, mut own) = (v.to_vec(), Vec::new());
+            numbering.turn(&mut turned);
+            numbering.gather(&turned, &mut own);
+            own
+        };
+        let [rows, loads] = [off.0, off.1].map(free);
+        let mut x: Vec<f64> = moved.0.iter().zip(moved.1).map(|(u, p)| u - p).collect();
+        numbering.frames.turn(&mut x);
+        let mut own = Vec::new();
+        numbering.gather(&x, &mut own);
+        let mut largest = 0.0f64;
+        for (row, (off, load)) in rows.iter().zip(&loads).enumerate() {
+            let (columns, values) = matrix.row(row);
+            let size = columns.iter().zip(values).map(|(k, a)| (a * own[*k as usize]).abs()).sum::<f64>() + load.abs();
+            if *off != 0.0 {
+                largest = largest.max(off.abs() / size);
+            }
+        }
+        // not a number is no solution
+        if largest.is_nan() { f64::INFINITY } else { largest }
+    }
+
+    /// What a measure does to one side; nothing for one without kinks.
+    pub(super) fn measure_to_side(
+        &self,
+        result: (usize, &Weighed),
+        step: &PassedStep,
+        at: (&StateValues<'_>, FieldValues<'_>),
+    ) -> Option<f64> {
+        let (number, weighed) = result;
+        let (values, made) = at;
+        let sided = self.sided.as_ref()?.measure(self.extended, number, made);
+        let of = (self.extended, &self.standing.solving);
+        let lists = weighed.taken_at(of, values.view(), (step.time, step.increment));
+        if sided.iter().all(Option::is_none) && !lists.shared {
+            return None;
+        }
+        let moved = self.laws.points(self.extended, (number, &lists.counts), made);
+        let moved: Vec<Vec<f64>> =
+            moved.into_iter().zip(sided).map(|(plain, sided)| sided.unwrap_or(plain)).collect();
+        Some(lists.along(&moved))
+    }
+}
