@@ -503,7 +503,10 @@ impl Forwards<'_, '_> {
                     let (current, previous) = self.values(&values, one);
                     let made = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
                     let to_side = self.sided.as_ref().map(|_| self.measure_to_side(result, step, (&values, made)));
-                    put(d, to_side.flatten().unwrap_or_else(|| self.laws.measure(self.extended, (number, &points), made)));
+                    put(
+                        d,
+                        to_side.flatten().unwrap_or_else(|| self.laws.measure(self.extended, (number, &points), made)),
+                    );
                 }
                 shared
             }

@@ -110,12 +110,7 @@ impl Tangent {
     }
 
     /// Factors a matrix, unless it is the last one.
-    fn hold(
-        &mut self,
-        of: (&System, Csr),
-        is_symmetric: bool,
-        threads: usize,
-    ) -> Result<(), Box<Diagnostic>> {
+    fn hold(&mut self, of: (&System, Csr), is_symmetric: bool, threads: usize) -> Result<(), Box<Diagnostic>> {
         let (system, matrix) = of;
         if let Some((_, known)) = &self.solver
             && known.values() == matrix.values()

@@ -116,6 +116,34 @@ impl Asked {
         Ok(made)
     }
 
+    /// What is refused of a request without a run; gives the laws of the derivatives of its measures.
+    pub(super) fn ahead(
+        extended: &mut Extended<'_>,
+        script: &ResolvedScript,
+        request: &Request,
+    ) -> Result<Vec<Placed>, Box<Diagnostic>> {
+        let mut made = Self::default();
+        let steps = &extended.scene.steps;
+        let times = steps.are_listed().then(|| steps.values.clone());
+        for wanted in &request.results {
+            if let Some(Err(why)) = times.as_ref().map(|times| wanted.weights(times)) {
+                return Err(refused_at(script, wanted, &why));
+            }
+            let name = &wanted.measure;
+            let own = extended.scene.measures.iter().any(|m| m.name == *name);
+            match extended.measure(name).filter(|_| own) {
+                Some(measure) if made.sums.contains_key(&measure) => {}
+                Some(measure) => {
+                    let summed = made.summed(extended, measure)?;
+                    made.sums.insert(measure, summed);
+                }
+                None if Arithmetic::new(extended, script, name)?.is_some() => {}
+                None => return Err(no_result(script, name)),
+            }
+        }
+        Ok(made.laws)
+    }
+
     /// Adds a measure to a result.
     fn add(&mut self, extended: &mut Extended<'_>, of: (usize, usize), steps: Vec<f64>) -> Result<(), Box<Diagnostic>> {
         let (into, measure) = of;

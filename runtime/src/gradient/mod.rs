@@ -15,6 +15,7 @@
 //! it; points between two branches are counted. Does not run scenes.
 
 mod adjoint;
+mod ahead;
 mod along;
 mod beginning;
 mod computed;
@@ -40,10 +41,11 @@ use wfl::{Diagnostic, ResolvedScript};
 use wfl_compiler::backend::KernelBackend;
 
 use crate::{Outcome, Scene};
+pub use ahead::ahead;
 pub use forward::{Direction, Moved, Tangents};
 pub use jacobian::{Jacobian, Mode};
 pub use near::NearKink;
-pub use refused::{NO_DERIVATIVE, not_together};
+pub use refused::NO_DERIVATIVE;
 pub use request::{Request, Result as WantedResult, When};
 pub use sides::{Side, ToSides};
 pub use stated::{settle, stated};

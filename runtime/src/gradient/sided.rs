@@ -19,9 +19,7 @@ use super::{
     refused::{first, message, no_derivative, not_made},
 };
 use crate::{
-    assemble::{
-        AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots, tangent_kernel,
-    },
+    assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots, tangent_kernel},
     rates::StepAt,
     system::StandIn,
     value::{Sampled, Value},
@@ -262,7 +260,8 @@ fn term(
     let ties = Ties::new(extended, (field, n), sides, domain, backend)?;
     let failed = |e: String| not_made(&e);
     let slots = LawSlots { inputs: &law.inputs, tests: &law.tests, trials: &law.trials };
-    let binding = Binding::new(&scene.system.mesh, domain, &extended.fields, slots).map_err(|e| failed(e.to_string()))?;
+    let binding =
+        Binding::new(&scene.system.mesh, domain, &extended.fields, slots).map_err(|e| failed(e.to_string()))?;
     let integrator = Integrator { domain: Arc::clone(domain), binding: Arc::new(binding) };
     let tangent = tangent_kernel(&law);
     let kernels: Vec<_> = std::iter::once(&law.residual).chain(&tangent).collect();
@@ -272,7 +271,10 @@ fn term(
     starts.resize(extended.fields.len(), None);
     let mut form = AssembledTerm::new(law, integrator, None, residual, kernels.next(), &starts);
     if !scene.system.find_place(&mut form) && own.law.class >= wfl_compiler::Class::Nonlinear {
-        let d = message(format!("`{}` couples more to one side than the scene has: no derivative to one side", summary.name));
+        let d = message(format!(
+            "`{}` couples more to one side than the scene has: no derivative to one side",
+            summary.name
+        ));
         return Err(Box::new(d));
     }
     Ok(Some(SidedTerm { term: k, form, ties, at: Tolerances::default() }))

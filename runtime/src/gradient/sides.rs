@@ -50,10 +50,7 @@ pub(super) fn add(of: Differentiated<'_>, request: &Request, made: &mut Gradient
         for (sign, _) in [(1.0, side.larger), (-1.0, side.smaller)].into_iter().filter(|(_, wanted)| *wanted) {
             for entry in 0..n {
                 let unit = (0..n).map(|e| if e == entry { sign } else { 0.0 }).collect();
-                directions.push(Direction {
-                    parameters: vec![(side.parameter.clone(), unit)],
-                    fields: Vec::new(),
-                });
+                directions.push(Direction { parameters: vec![(side.parameter.clone(), unit)], fields: Vec::new() });
                 places.push((k, sign));
             }
         }
@@ -72,7 +69,8 @@ pub(super) fn add(of: Differentiated<'_>, request: &Request, made: &mut Gradient
         }
         let mut seen = vec![[0usize; 2]; request.sides.len()];
         for ((k, sign), moved) in places.iter().zip(&found.moved) {
-            let along: f64 = moved[measure].iter().zip(&weights).map(|(x, w)| if *w == 0.0 { 0.0 } else { w * x }).sum();
+            let along: f64 =
+                moved[measure].iter().zip(&weights).map(|(x, w)| if *w == 0.0 { 0.0 } else { w * x }).sum();
             let to = &mut result.sides[*k];
             let (list, which) = if *sign > 0.0 { (&mut to.larger, 0) } else { (&mut to.smaller, 1) };
             let entry = seen[*k][which];

@@ -57,6 +57,7 @@ impl Forwards<'_, '_> {
         let within = AtStart { second: vec![0.0; half.len()], first: half };
         let held = self.standing.rates().expect("explicit steps have rates");
         one.rates = Some(held.with_behind(&held.along(&kept(&self.standing, &within)), self.extended.n));
+        self.look(step, one);
         let forces = self.residual(step, one)?;
         self.states(step, one);
         let acceleration = step.rates.as_ref().map_or_else(Kept::new, |r| r.kept_at(&step.u, &step.u));

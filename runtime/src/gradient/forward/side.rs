@@ -12,7 +12,7 @@ use crate::{
     PassedStep,
     assemble::FieldValues,
     csr::Csr,
-    gradient::{refused::{no_side, not_made}, standing::AGREEMENT},
+    gradient::refused::{no_side, not_made},
     system::StateValues,
 };
 
@@ -20,8 +20,12 @@ use crate::{
 const MOST: usize = 100;
 /// The parts of the way that are tried.
 const SMALLEST_PART: f64 = 1.0 / 256.0;
-/// A row that is met to this part of its summands is met: rounding of some hundred summands.
+/// Equations of a field that are met to this part of the largest summands among them are met: rounding of some thousand.
 const MET: f64 = 1e-12;
+/// The same where rounding leaves more, of summands that cancel.
+const NEARLY_MET: f64 = 1e-9;
+/// Summands of a field that are smaller than this part of all are rounding of what moves others.
+const SMALL: f64 = 1e-10;
 /// Solutions further apart than this part of the larger one are two.
 const OTHER: f64 = 1e-6;
 
@@ -113,7 +117,7 @@ impl Forwards<'_, '_> {
             one.end.u = best.u.iter().zip(&best.correction).map(|(u, x)| u + part * x).collect();
         }
         // what rounding leaves where summands cancel
-        Ok(best.filter(|best| best.error <= AGREEMENT))
+        Ok(best.filter(|best| best.error <= NEARLY_MET))
     }
 
     /// The tangent on the piece that a direction lies on.
@@ -129,7 +133,8 @@ impl Forwards<'_, '_> {
         system.bulk().plus(&tangent.changing).map_err(|e| not_made(&e.to_string()))
     }
 
-    /// The largest part of its summands that an equation is off by.
+    /// The largest part of the summands of its field that an equation is off by: at another branch than that of a point it is
+    /// off by the size of what the branch changes.
     fn row_error(&self, matrix: &Csr, off: (&[f64], &[f64]), moved: (&[f64], &[f64])) -> f64 {
         let numbering = &self.standing.solving.system.numbering;
         let free = |v: &[f64]| {
@@ -143,16 +148,19 @@ impl Forwards<'_, '_> {
         numbering.frames.turn(&mut x);
         let mut own = Vec::new();
         numbering.gather(&x, &mut own);
-        let mut largest = 0.0f64;
+        let system = &self.standing.solving.system;
+        let mut by_field = vec![[0.0f64; 2]; system.fields.len()];
         for (row, (off, load)) in rows.iter().zip(&loads).enumerate() {
             let (columns, values) = matrix.row(row);
             let size = columns.iter().zip(values).map(|(k, a)| (a * own[*k as usize]).abs()).sum::<f64>() + load.abs();
-            if *off != 0.0 {
-                largest = largest.max(off.abs() / size);
-            }
+            let [most_off, largest] = &mut by_field[system.field_of(numbering.free_dofs[row] as usize)];
+            // not a number is no solution
+            *most_off = if off.is_nan() { f64::INFINITY } else { most_off.max(off.abs()) };
+            *largest = largest.max(size);
         }
-        // not a number is no solution
-        if largest.is_nan() { f64::INFINITY } else { largest }
+        let all = by_field.iter().fold(0.0f64, |m, of| m.max(of[1]));
+        let part = |[off, size]: &[f64; 2]| if *off == 0.0 { 0.0 } else { off / size.max(SMALL * all) };
+        by_field.iter().map(part).fold(0.0, f64::max)
     }
 
     /// What a measure does to one side; nothing for one without kinks.
@@ -171,8 +179,7 @@ impl Forwards<'_, '_> {
             return None;
         }
         let moved = self.laws.points(self.extended, (number, &lists.counts), made);
-        let moved: Vec<Vec<f64>> =
-            moved.into_iter().zip(sided).map(|(plain, sided)| sided.unwrap_or(plain)).collect();
+        let moved: Vec<Vec<f64>> = moved.into_iter().zip(sided).map(|(plain, sided)| sided.unwrap_or(plain)).collect();
         Some(lists.along(&moved))
     }
 }
