@@ -14,7 +14,7 @@ pub(crate) struct GradientArgs {
     #[arg(long, value_name = "PARAMETERS", num_args = 1.., requires = "gradient")]
     pub(crate) with: Vec<String>,
     /// Derivatives to one side, too, where points are between two branches: +F to larger values, -F to smaller ones, F to both
-    #[arg(long, value_name = "SIDES", num_args = 1.., requires = "gradient", allow_hyphen_values = true)]
+    #[arg(long, value_name = "SIDES", requires = "gradient", allow_hyphen_values = true)]
     pub(crate) one_sided: Vec<String>,
 }
 
@@ -27,7 +27,7 @@ impl GradientArgs {
         let Some(results) = &self.gradient else { return Ok(None) };
         let mut request = Request::read(results, &self.with.join(" "))?;
         if !self.one_sided.is_empty() {
-            request.read_sides(&self.one_sided.join(" "))?;
+            request.read_sides(&self.one_sided.join(","))?;
         }
         Ok(Some(request))
     }

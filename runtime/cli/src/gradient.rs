@@ -123,8 +123,12 @@ fn text(found: &Gradients) -> String {
             table.push(row);
         }
     }
+    let again = match found.steps_again {
+        0 => String::new(),
+        n => format!(", {n} steps computed again"),
+    };
     format!(
-        "\n{}  {} solutions with the transposed tangent, {} factors, {:.2} s\n",
+        "\n{}  {} solutions with the transposed tangent, {} factors{again}, {:.2} s\n",
         table.text(),
         found.solutions,
         found.factorisations,

@@ -98,7 +98,7 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     refused::places(script, live)?;
     let (trajectory, ends) = standing::of_run(outcome)?;
     let mut equations = outcome.equations.clone();
-    let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
+    let mut standing = Standing::new((of, trajectory), scene.solving(&mut equations));
     let mut extended = Extended::new(scene, script, live.to_vec());
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
     let laws = Laws::new(&extended, script, std::mem::take(&mut asked.laws), backend)?;
@@ -116,7 +116,8 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     let (sums, mut near) = run.all_steps(&asked, &ends, &kinks)?;
     join(&mut near, std::mem::take(&mut asked.near));
     let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
-    let mut made = Gradients { near, solutions, factorisations, ..Gradients::default() };
+    let steps_again = run.standing.steps.again();
+    let mut made = Gradients { near, solutions, factorisations, steps_again, ..Gradients::default() };
     for (into, mut sum) in sums.into_iter().enumerate() {
         to_declared(script, &extended, &mut sum.live)?;
         let entries = |name: &String| {
@@ -164,14 +165,15 @@ impl Backwards<'_, '_> {
         for Direct { into, live, .. } in &asked.direct {
             add(&mut found.sums[*into].live, live);
         }
-        for (n, step) in trajectory.steps.iter().enumerate().rev() {
+        for n in (0..trajectory.steps.len()).rev() {
             let of_end = |end: &usize| results.iter().map(|w| (w, w.steps[*end])).filter(|r| r.1 != 0.0).collect();
             let read: Vec<(&Weighed, f64)> = ends.get(&n).map(of_end).unwrap_or_default();
             if read.is_empty() && found.end.iter().all(Cotangent::is_zero) {
                 continue;
             }
             found.start.clone_from(&nothing);
-            self.one_step((n, step), &read, kinks, &mut found)?;
+            let step = self.standing.steps.step(n)?;
+            self.one_step((n, &step), &read, kinks, &mut found)?;
             std::mem::swap(&mut found.end, &mut found.start);
         }
         let beginning =
@@ -257,7 +259,7 @@ impl Backwards<'_, '_> {
         found: &mut Found,
     ) -> Result<(), Box<Diagnostic>> {
         let (n, step) = at;
-        self.standing.put_states_behind(n);
+        self.standing.put_states_behind(n)?;
         for (weighed, weight) in read {
             let Summed::Points(fields) = &weighed.summed else { continue };
             let shared = self.of_measure(weighed, (fields, *weight), step)?;

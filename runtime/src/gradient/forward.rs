@@ -54,6 +54,8 @@ pub struct Tangents {
     pub solutions: usize,
     /// Factorisations of one.
     pub factorisations: usize,
+    /// Steps that were computed again to keep to a bound of memory.
+    pub steps_again: usize,
     /// Seconds that they took.
     pub seconds: f64,
 }
@@ -137,7 +139,7 @@ pub(super) fn solve(
     let (trajectory, ends) = standing::of_run(outcome)?;
     let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
     let mut equations = outcome.equations.clone();
-    let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
+    let mut standing = Standing::new((of, trajectory), scene.solving(&mut equations));
     let mut extended = Extended::new(scene, script, live.to_vec());
     // the laws of adjoints are not needed, but what they refuse is
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
@@ -167,8 +169,8 @@ pub(super) fn solve(
     let (moved, mut near) = run.all_steps(&mut moving, &asked, &ends, &kinks)?;
     join(&mut near, std::mem::take(&mut asked.near));
     let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
-    let notes = std::mem::take(&mut run.told);
-    Ok(Tangents { times, moved, near, notes, solutions, factorisations, ..Tangents::default() })
+    let (notes, steps_again) = (std::mem::take(&mut run.told), run.standing.steps.again());
+    Ok(Tangents { times, moved, near, notes, solutions, factorisations, steps_again, ..Tangents::default() })
 }
 
 impl Forwards<'_, '_> {
@@ -230,8 +232,9 @@ impl Forwards<'_, '_> {
                 self.beginning(&beginning, one)?;
             }
         }
-        for (n, step) in trajectory.steps.iter().enumerate() {
+        for n in 0..trajectory.steps.len() {
             self.standing.at(n)?;
+            let step = &*self.standing.steps.step(n)?;
             self.set_step(self.standing.time_of(step), step);
             self.tangent.is_new = true;
             self.decides = false;
@@ -247,7 +250,7 @@ impl Forwards<'_, '_> {
                 self.go_to_end(step, moving)?;
             }
             if let Some(end) = ends.get(&n) {
-                self.standing.put_states_behind(n);
+                self.standing.put_states_behind(n)?;
                 // the list is read backwards, as the adjoint finds it
                 for (k, weighed) in asked.weighed.iter().enumerate().rev().filter(|(_, w)| w.steps[*end] != 0.0) {
                     near.push(kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));

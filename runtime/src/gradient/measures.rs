@@ -204,7 +204,7 @@ impl Asked {
                 all.push(None);
                 continue;
             }
-            let step = &standing.trajectory.steps[*n];
+            let step = &*standing.steps.step(*n)?;
             let mut values = of.outcome.steps[*end].measures.clone();
             if !own.is_empty() {
                 standing.at_end_of(*n)?;

@@ -34,6 +34,7 @@ mod sided;
 mod sides;
 mod standing;
 mod stated;
+mod steps;
 
 use std::time::Instant;
 
@@ -93,6 +94,8 @@ pub struct Gradients {
     pub solutions: usize,
     /// Factorisations of one.
     pub factorisations: usize,
+    /// Steps that were computed again to keep to a bound of memory.
+    pub steps_again: usize,
     /// Seconds that they took.
     pub seconds: f64,
 }

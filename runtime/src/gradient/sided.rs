@@ -78,6 +78,18 @@ impl Ties {
         Ok(Self { field, n, sides, sampled })
     }
 
+    /// Values now and before with the tolerances in their place.
+    fn with<'v>(&self, numbers: &'v [f64], values: FieldValues<'v>) -> [Vec<&'v [f64]>; 2] {
+        [values.current, values.previous].map(|list| {
+            let mut list = list.to_vec();
+            // a scene that reads nothing of the past has none
+            if let Some(own) = list.get_mut(self.field) {
+                *own = numbers;
+            }
+            list
+        })
+    }
+
     fn tolerances(&self, extended: &Extended<'_>, values: FieldValues<'_>) -> Tolerances {
         let mut pairs = Vec::new();
         let mesh = &extended.scene.system.mesh;
@@ -166,8 +178,8 @@ impl Sided {
     ) -> Result<(), Box<Diagnostic>> {
         let mesh = &extended.scene.system.mesh;
         for own in self.terms.iter().filter(|own| wanted(own.term)) {
-            let current = own.current(values);
-            let values = FieldValues { current: &current, ..values };
+            let [current, previous] = own.ties.with(&own.at.numbers, values);
+            let values = FieldValues { current: &current, previous: &previous, ..values };
             own.form.add_residual(mesh, values, out).map_err(|e| not_made(&format!("to one side: {e}")))?;
         }
         Ok(())
@@ -175,15 +187,16 @@ impl Sided {
 
     /// Calls `f` with the terms that stand for others in the tangent.
     pub(super) fn with_stand_ins<T>(&self, values: FieldValues<'_>, f: impl FnOnce(&[StandIn<'_>]) -> T) -> T {
-        let current: Vec<Vec<&[f64]>> = self.terms.iter().map(|own| own.current(values)).collect();
+        let lists: Vec<[Vec<&[f64]>; 2]> =
+            self.terms.iter().map(|own| own.ties.with(&own.at.numbers, values)).collect();
         let list: Vec<StandIn<'_>> = self
             .terms
             .iter()
-            .zip(&current)
-            .map(|(own, current)| StandIn {
+            .zip(&lists)
+            .map(|(own, [current, previous])| StandIn {
                 term: own.term,
                 form: &own.form,
-                values: FieldValues { current, ..values },
+                values: FieldValues { current, previous, ..values },
             })
             .collect();
         f(&list)
@@ -213,21 +226,11 @@ impl Sided {
     }
 }
 
-impl SidedTerm {
-    /// Values with the tolerances of the kinks.
-    fn current<'v>(&'v self, values: FieldValues<'v>) -> Vec<&'v [f64]> {
-        let mut current = values.current.to_vec();
-        current[self.ties.field] = &self.at.numbers;
-        current
-    }
-}
-
 impl SidedValue {
     fn for_each(&self, extended: &Extended<'_>, values: FieldValues<'_>, mut f: impl FnMut(f64, &[f64])) {
         let at = self.ties.tolerances(extended, values);
-        let mut current = values.current.to_vec();
-        current[self.ties.field] = &at.numbers;
-        let values = FieldValues { current: &current, ..values };
+        let [current, previous] = self.ties.with(&at.numbers, values);
+        let values = FieldValues { current: &current, previous: &previous, ..values };
         let mesh = &extended.scene.system.mesh;
         self.value.for_each_point(mesh, &self.sampled, values, |_, _, _, weight, v| f(weight, v));
     }

@@ -85,5 +85,6 @@ pub(super) fn add(of: Differentiated<'_>, request: &Request, made: &mut Gradient
     made.notes.extend(found.notes);
     made.solutions += found.solutions;
     made.factorisations += found.factorisations;
+    made.steps_again += found.steps_again;
     Ok(())
 }

@@ -107,6 +107,7 @@ impl Gradients {
         });
         self.solutions += others.solutions;
         self.factorisations += others.factorisations;
+        self.steps_again += others.steps_again;
         self.seconds += others.seconds;
     }
 }

@@ -5,6 +5,7 @@
 //! written in the order of the steps by a thread of their own, so that the solver does not wait for the disc.
 
 mod adaptive;
+mod again;
 mod asked;
 mod attempts;
 mod balance;
@@ -431,6 +432,10 @@ impl Run {
             self.add(step, scene, options);
             if !goes_on {
                 break;
+            }
+            if self.stepper.trajectory.as_ref().is_some_and(Trajectory::wants_mark) {
+                let (done, state, watched) = (self.steps.len(), self.state(scene), self.watched.clone());
+                self.stepper.trajectory.iter_mut().for_each(|kept| kept.mark(done, state.clone(), watched.clone()));
             }
             let due = writer.is_some_and(|(_, cost)| {
                 let pause = CHECKPOINT_EVERY.max(CHECKPOINT_SHARE * (cost.get() + gathering));

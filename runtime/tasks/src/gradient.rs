@@ -258,7 +258,7 @@ pub struct Comparison {
 pub fn verify(of: Verified<'_>) -> Result<Comparison, String> {
     let (loaded, scene, outcome) = solved(of, None)?;
     let passed = outcome.trajectory.iter().flat_map(|t| &t.steps);
-    let orders = passed.filter_map(|s| Some((s.time, s.rates.as_ref()?.taken_order()))).collect();
+    let orders = passed.filter_map(|s| Some((s.time, s.order?))).collect();
     let chosen = Chosen { times: outcome.steps.iter().map(|s| s.time).collect(), orders };
     let differentiated = Differentiated {
         scene: &scene,

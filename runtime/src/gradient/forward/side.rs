@@ -16,8 +16,10 @@ use crate::{
     system::StateValues,
 };
 
-/// Iterations at most: pieces are few where points between two branches are few.
+/// Iterations at most.
 const MOST: usize = 100;
+/// So many of them go all the way: from piece to piece the error may grow before the last one is met.
+const WHOLE: usize = 30;
 /// The parts of the way that are tried.
 const SMALLEST_PART: f64 = 1.0 / 256.0;
 /// Equations of a field that are met to this part of the largest summands among them are met: rounding of some thousand.
@@ -96,11 +98,12 @@ impl Forwards<'_, '_> {
         let loads = self.residual(step, one)?;
         one.end.u = start;
         let (mut best, mut part): (Option<Iterate>, f64) = (None, 1.0);
-        for _ in 0..MOST {
+        for iteration in 0..MOST {
             let rows = self.residual(step, one)?;
             let matrix = self.matrix_to_side(step, one)?;
             let error = self.row_error(&matrix, (&rows, &loads), (&one.end.u, prescribed));
-            if best.as_ref().is_none_or(|best| error < best.error) {
+            let is_better = best.as_ref().is_none_or(|best| error < best.error);
+            if is_better || iteration < WHOLE {
                 let rhs: Vec<f64> = rows.iter().map(|x| -x).collect();
                 let u = one.end.u.clone();
                 if error <= MET {
@@ -108,8 +111,14 @@ impl Forwards<'_, '_> {
                 }
                 let system = &self.standing.solving.system;
                 let correction = self.tangent.solve_with(system, matrix, &rhs, self.of.threads)?;
-                best = Some(Iterate { u, rows, error, correction });
+                one.end.u.iter_mut().zip(&correction).for_each(|(u, x)| *u += x);
                 part = 1.0;
+                if is_better {
+                    best = Some(Iterate { u, rows, error, correction });
+                }
+                if iteration + 1 != WHOLE {
+                    continue;
+                }
             } else {
                 part *= 0.5;
             }
