@@ -117,15 +117,15 @@ fn both_sides_of_a_kink_stand_in_table_files_and_beside_differences() {
 #[test]
 fn steps_are_computed_again_where_memory_does_not_hold_them_all() {
     let folder = Folder::new("gradient_memory");
-    // 2,000 unknowns and as many states by 2,000 steps are 64 MB
-    let long = BAR.replace("cells [4]", "cells [2000]").replace("by 0.25", "by 0.0005");
+    // 2,000 unknowns and as many states by 1,000 steps are 32 MB
+    let long = BAR.replace("cells [4]", "cells [2000]").replace("by 0.25", "by 0.001");
     folder.write("bar.wfl", &long);
     let asked = ["run", "bar.wfl", "--gradient", "stress", "--with", "E, eta"];
     let all = folder.wfl(&asked);
     assert!(all.status.success() && !said(&all).contains("computed again"), "{}", said(&all));
     let table = || std::fs::read_to_string(folder.0.join("out/bar/gradient.csv")).expect("a table");
     let known = table();
-    let some = folder.wfl(&[&asked[..], &["--memory", "100MB"]].concat());
+    let some = folder.wfl(&[&asked[..], &["--memory", "90MB"]].concat());
     assert!(some.status.success() && said(&some).contains("steps computed again"), "{}", said(&some));
     assert_eq!(known, table());
 }

@@ -4,9 +4,10 @@
 //! Parts of a step are steps of their own.
 //!
 //! Where a bound is given for what is kept ([`RunOptions::trajectory_bytes`]), a run leaves marks, each with all that it goes on
-//! from with the same bits, a quarter of the bound apart; beyond the bound its first steps are left out, and are computed again
-//! from their mark when they are asked for, a quarter of the bound at a time. A mark has the values of a tangent and is as large
-//! as some hundred steps: where marks take half of the bound every second one goes. One computation of a step more is what that
+//! from with the same bits, an eighth of the bound apart; beyond the bound its first steps are left out, and are computed again
+//! from their mark when they are asked for, two parts at a time. A quarter of the bound is for the last steps, one for those that are
+//! computed again, and half for marks. A mark has the values of a tangent and is as large
+//! as some hundred steps: where marks take their half every second one goes. One computation of a step more is what that
 //! costs; schedules with less memory compute steps several times.
 
 use std::{ops::Range, sync::Arc};
@@ -133,7 +134,7 @@ impl Trajectory {
 
     /// Whether a mark is due behind a step of the scene.
     pub(super) fn wants_mark(&self) -> bool {
-        self.bound().is_some_and(|bound| self.behind >= bound / 4)
+        self.bound().is_some_and(|bound| self.behind >= bound / 8)
     }
 
     /// Sets a mark behind `done` steps of the scene, and leaves out what is beyond the bound.
@@ -142,7 +143,7 @@ impl Trajectory {
         self.marks.push(Mark { first, done, at: Some(Arc::new((state, watched))), bytes });
         self.behind = 0;
         let Some(bound) = self.bound() else { return };
-        while self.held > bound / 2 && self.leave_out(first) {}
+        while self.held > bound / 8 && self.leave_out(first) {}
         while self.marks.len() > 2 && self.of_marks() > bound / 2 {
             let mut number = 0;
             // the first one is before all steps, and the last one is that which steps are counted from

@@ -305,7 +305,7 @@ fn compared(names: (&str, &str), at: Found, k: usize, runs: &[Pair]) -> Compared
         forward: (more[k] - value) / changes[0],
         backward: (value - less[k]) / changes[1],
         central: (more[k] - less[k]) / (changes[0] + changes[1]),
-        noise: ROUNDING * value.abs() / changes[0],
+        noise: ROUNDING * value.abs().max(more[k].abs()).max(less[k].abs()) / changes[0],
     };
     let all: Vec<Difference> = runs.iter().map(of).collect();
     // both sides agree best where neither the change nor rounding is too large

@@ -94,14 +94,12 @@ impl Forwards<'_, '_> {
         prescribed: &[f64],
         start: Vec<f64>,
     ) -> Result<Option<Iterate>, Box<Diagnostic>> {
-        one.end.u = prescribed.to_vec();
-        let loads = self.residual(step, one)?;
         one.end.u = start;
         let (mut best, mut part): (Option<Iterate>, f64) = (None, 1.0);
         for iteration in 0..MOST {
-            let rows = self.residual(step, one)?;
+            let (rows, sizes) = self.residual_and_sizes(step, one)?;
             let matrix = self.matrix_to_side(step, one)?;
-            let error = self.row_error(&matrix, (&rows, &loads), (&one.end.u, prescribed));
+            let error = self.error(&matrix, (&rows, sizes), (&one.end.u, prescribed));
             let is_better = best.as_ref().is_none_or(|best| error < best.error);
             if is_better || iteration < WHOLE {
                 let rhs: Vec<f64> = rows.iter().map(|x| -x).collect();
@@ -142,30 +140,44 @@ impl Forwards<'_, '_> {
         system.bulk().plus(&tangent.changing).map_err(|e| not_made(&e.to_string()))
     }
 
+    /// What the equations change by, and by dof the sizes of what the terms add to that: they may cancel.
+    fn residual_and_sizes(&mut self, step: &PassedStep, one: &Moving) -> Result<(Vec<f64>, Vec<f64>), Box<Diagnostic>> {
+        let n = one.end.u.len();
+        let (mut rows, mut sizes) = (vec![0.0; n], vec![0.0; n]);
+        for term in 0..self.standing.solving.system.terms.len() {
+            let of_term = self.residual_of(step, one, |k| k == term)?;
+            for (k, x) in of_term.iter().enumerate() {
+                rows[k] += x;
+                sizes[k] += x.abs();
+            }
+        }
+        Ok((rows, sizes))
+    }
+
     /// The largest part of the summands of its field that an equation is off by: at another branch than that of a point it is
     /// off by the size of what the branch changes.
-    fn row_error(&self, matrix: &Csr, off: (&[f64], &[f64]), moved: (&[f64], &[f64])) -> f64 {
-        let numbering = &self.standing.solving.system.numbering;
-        let free = |v: &[f64]| {
-            let (mut turned, mut own) = (v.to_vec(), Vec::new());
-            numbering.turn(&mut turned);
-            numbering.gather(&turned, &mut own);
+    fn error(&self, matrix: &Csr, off: (&[f64], Vec<f64>), moved: (&[f64], &[f64])) -> f64 {
+        let system = &self.standing.solving.system;
+        let numbering = &system.numbering;
+        let gathered = |v: &[f64]| {
+            let mut own = Vec::new();
+            numbering.gather(v, &mut own);
             own
         };
-        let [rows, loads] = [off.0, off.1].map(free);
+        let (mut rows, mut sizes) = (off.0.to_vec(), off.1);
+        numbering.turn(&mut rows);
+        numbering.turn_sizes(&mut sizes);
         let mut x: Vec<f64> = moved.0.iter().zip(moved.1).map(|(u, p)| u - p).collect();
         numbering.frames.turn(&mut x);
-        let mut own = Vec::new();
-        numbering.gather(&x, &mut own);
-        let system = &self.standing.solving.system;
+        let (rows, sizes, x) = (gathered(&rows), gathered(&sizes), gathered(&x));
         let mut by_field = vec![[0.0f64; 2]; system.fields.len()];
-        for (row, (off, load)) in rows.iter().zip(&loads).enumerate() {
+        for (row, (off, size)) in rows.iter().zip(&sizes).enumerate() {
             let (columns, values) = matrix.row(row);
-            let size = columns.iter().zip(values).map(|(k, a)| (a * own[*k as usize]).abs()).sum::<f64>() + load.abs();
+            let summands: f64 = columns.iter().zip(values).map(|(k, a)| (a * x[*k as usize]).abs()).sum();
             let [most_off, largest] = &mut by_field[system.field_of(numbering.free_dofs[row] as usize)];
             // not a number is no solution
             *most_off = if off.is_nan() { f64::INFINITY } else { most_off.max(off.abs()) };
-            *largest = largest.max(size);
+            *largest = largest.max(size.max(summands));
         }
         let all = by_field.iter().fold(0.0f64, |m, of| m.max(of[1]));
         let part = |[off, size]: &[f64; 2]| if *off == 0.0 { 0.0 } else { off / size.max(SMALL * all) };
