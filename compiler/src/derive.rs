@@ -124,13 +124,8 @@ impl Rules<'_, '_> {
                 let mask = self.mask(g, mask)?;
                 Ok(select(g, mask, da, db))
             }
-            Node::Norm(v) if self.ties.is_some() => self.norm_to_side(g, e, v),
-            Node::Norm(v) => Ok(self.of(g, v)?.map(|dv| {
-                let n = g.unit(v);
-                g.inner(n, dv)
-            })),
+            Node::Norm(v) => self.norm(g, e, v),
             Node::Unit(v) => Ok(self.of(g, v)?.map(|dv| unit_derivative(g, v, dv))),
-            Node::Ball(v, r) if self.ties.is_some() => self.ball_to_side(g, v, r),
             Node::Ball(v, r) => self.ball(g, v, r),
             Node::BallRatio(v, r) => self.ball_ratio(g, e, v, r),
             Node::Det(a) => Ok(self.of(g, a)?.map(|da| {
@@ -218,7 +213,20 @@ impl Rules<'_, '_> {
         Ok(sum(g, da, db))
     }
 
+    fn norm(&mut self, g: &mut Graph, e: ExprId, v: ExprId) -> Derived {
+        if self.ties.is_some() {
+            return self.norm_to_side(g, e, v);
+        }
+        Ok(self.of(g, v)?.map(|dv| {
+            let n = g.unit(v);
+            g.inner(n, dv)
+        }))
+    }
+
     fn ball(&mut self, g: &mut Graph, v: ExprId, r: ExprId) -> Derived {
+        if self.ties.is_some() {
+            return self.ball_to_side(g, v, r);
+        }
         let (dv, dr) = (self.of(g, v)?, self.of(g, r)?);
         let slip = slipping(g, (v, r), dv, dr);
         let stick = g.in_ball(v, r);

@@ -145,7 +145,7 @@ pub(super) fn solve(
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
     let kinks = Kinks::new(&extended, script, asked.weighed.iter().map(|w| w.measure), backend)?;
     if let Some(near) = asked.near.first().filter(|_| to_one_side) {
-        return Err(number_between(near));
+        return Err(number_between(&near.place, near.span));
     }
     let sided = match to_one_side {
         true => Some(Sided::new(&mut extended, script, &asked.weighed, backend)?),

@@ -46,9 +46,9 @@ pub use ahead::ahead;
 pub use forward::{Direction, Moved, Tangents};
 pub use jacobian::{Jacobian, Mode};
 pub use near::NearKink;
-pub use refused::NO_DERIVATIVE;
-pub use request::{Request, Result as WantedResult, When};
-pub use sides::{Side, ToSides};
+pub use refused::{NO_DERIVATIVE, not_together};
+pub use request::{Request, Result as WantedResult, Side, When};
+pub use sides::ToSides;
 pub use stated::{settle, stated};
 
 /// What is differentiated: a run with the scene that it is of.

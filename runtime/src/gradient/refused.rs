@@ -6,7 +6,7 @@ use wfl::{
     each_word, is_auto,
 };
 
-use super::{Differentiated, Request, extended::Live, near::NearKink, request::known};
+use super::{Differentiated, Request, extended::Live, request::known};
 use crate::{Scene, newton::Stop, scene::place_of_moving, system::FIXED};
 
 /// The code of what has no derivative.
@@ -46,10 +46,9 @@ pub(super) fn no_side(time: f64) -> Box<Diagnostic> {
 }
 
 /// A number made of measures that is between two branches itself.
-pub(super) fn number_between(near: &NearKink) -> Box<Diagnostic> {
-    let d =
-        message(format!("`{}` is between two branches of its own: it has no derivative to one side yet", near.place));
-    Box::new(placed(d, near.span).help("the measures that it is made of have one"))
+pub(super) fn number_between(name: &str, span: Option<Span>) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` is between two branches of its own: it has no derivative to one side yet"));
+    Box::new(placed(d, span).help("the measures that it is made of have one"))
 }
 
 /// A direction of another size than what it moves.
@@ -112,7 +111,8 @@ pub(super) fn within(name: &str, span: Span) -> Box<Diagnostic> {
 
 /// Whether a run can be differentiated with what else was asked of it; why not, in words and with the place of what does not
 /// go with it.
-fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic> {
+#[must_use]
+pub fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic> {
     let steps = || script.scheme.as_ref().map(|s| s.span).or(script.steps.as_ref().map(|s| s.span));
     let system = &scene.system;
     if !system.mesh.is_whole() || !system.team().is_alone() {

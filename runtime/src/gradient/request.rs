@@ -2,8 +2,6 @@
 
 use wfl::nearest;
 
-use super::sides::Side;
-
 /// At which steps a measure counts.
 #[derive(Clone, Debug, PartialEq)]
 pub enum When {
@@ -43,6 +41,29 @@ pub struct Request {
     pub together: bool,
     /// Parameters in which derivatives to one side are wanted, too.
     pub sides: Vec<Side>,
+}
+
+/// A parameter in which derivatives to one side are wanted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Side {
+    /// The parameter.
+    pub parameter: String,
+    /// To larger values.
+    pub larger: bool,
+    /// To smaller values.
+    pub smaller: bool,
+}
+
+impl Side {
+    /// Of a word: `+F`, `-F`, or `F` for both sides.
+    fn read(word: &str) -> Self {
+        let (name, larger, smaller) = match (word.strip_prefix('+'), word.strip_prefix('-')) {
+            (Some(name), _) => (name, true, false),
+            (_, Some(name)) => (name, false, true),
+            _ => (word, true, true),
+        };
+        Self { parameter: name.trim().to_owned(), larger, smaller }
+    }
 }
 
 /// Values of the step variable within this part of the range are one.

@@ -2,30 +2,7 @@
 
 use wfl::Diagnostic;
 
-use super::{Differentiated, Direction, Gradients, Request, forward, parameters};
-
-/// A parameter in which derivatives to one side are wanted.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Side {
-    /// The parameter.
-    pub parameter: String,
-    /// To larger values.
-    pub larger: bool,
-    /// To smaller values.
-    pub smaller: bool,
-}
-
-impl Side {
-    /// Of a word: `+F`, `-F`, or `F` for both sides.
-    pub(super) fn read(word: &str) -> Self {
-        let (name, larger, smaller) = match (word.strip_prefix('+'), word.strip_prefix('-')) {
-            (Some(name), _) => (name, true, false),
-            (_, Some(name)) => (name, false, true),
-            _ => (word, true, true),
-        };
-        Self { parameter: name.trim().to_owned(), larger, smaller }
-    }
-}
+use super::{Differentiated, Direction, Gradients, Request, Side, forward, parameters};
 
 /// Derivatives of a result to both sides of a parameter, by entry of the parameter, as slopes: both are what the derivative is
 /// where there is no kink.

@@ -2,8 +2,20 @@
 
 use std::sync::Arc;
 
-use super::{PassedStep, Quiet, RunError, RunOptions, Session, Standing, StepResult, Trajectory};
-use crate::scene::Scene;
+use super::{PassedStep, Quiet, Run, RunError, RunOptions, Session, Standing, StepResult, Trajectory};
+use crate::scene::{Scene, Solving};
+
+impl Run {
+    /// Leaves a mark behind a step of the scene, where one is due.
+    pub(super) fn leave_mark(&mut self, scene: &Solving<'_>) {
+        if self.stepper.trajectory.as_ref().is_some_and(Trajectory::wants_mark) {
+            let (done, state, watched) = (self.steps.len(), self.state(scene), self.watched.clone());
+            if let Some(kept) = &mut self.stepper.trajectory {
+                kept.mark(done, state, watched);
+            }
+        }
+    }
+}
 
 impl Trajectory {
     /// The steps between the marks before and behind step `n`, computed again, and the number of the first of them. `done` are

@@ -433,10 +433,7 @@ impl Run {
             if !goes_on {
                 break;
             }
-            if self.stepper.trajectory.as_ref().is_some_and(Trajectory::wants_mark) {
-                let (done, state, watched) = (self.steps.len(), self.state(scene), self.watched.clone());
-                self.stepper.trajectory.iter_mut().for_each(|kept| kept.mark(done, state.clone(), watched.clone()));
-            }
+            self.leave_mark(scene);
             let due = writer.is_some_and(|(_, cost)| {
                 let pause = CHECKPOINT_EVERY.max(CHECKPOINT_SHARE * (cost.get() + gathering));
                 several && checkpoint_before.is_none_or(|before| before.elapsed() >= pause)
