@@ -6,7 +6,11 @@
 //! derives to selection under the same mask, so value and derivative cannot disagree about a branch.
 //! Rules: d Norm = v/|v| . dv, 0 at 0; d Ball: stick dv, slip (r/|v|)(dv - e (e.dv)) + e dr, open 0.
 
+mod sides;
+
 use std::collections::HashMap;
+
+pub(crate) use sides::Ties;
 
 use crate::{
     compare::Compare,
@@ -33,13 +37,30 @@ pub(crate) struct NoDerivative {
 /// [`NoDerivative`] for the second derivative of `Expm`, `Logm` and of a projection.
 pub(crate) fn derive(graph: &mut Graph, root: ExprId, direction: &mut Direction<'_>) -> Result<ExprId, NoDerivative> {
     let mut memo = HashMap::new();
-    let found = Rules { memo: &mut memo, direction }.of(graph, root)?;
+    let found = Rules { memo: &mut memo, direction, ties: None }.of(graph, root)?;
+    Ok(found.unwrap_or_else(|| graph.zero(graph.shape(root))))
+}
+
+/// The derivative to one side: where a kink lies between two branches, it takes the one that the direction leads to.
+///
+/// # Errors
+/// As [`derive`].
+pub(crate) fn derive_to_side(
+    graph: &mut Graph,
+    root: ExprId,
+    direction: &mut Direction<'_>,
+    ties: &mut Ties,
+) -> Result<ExprId, NoDerivative> {
+    let mut memo = HashMap::new();
+    let found = Rules { memo: &mut memo, direction, ties: Some(ties) }.of(graph, root)?;
     Ok(found.unwrap_or_else(|| graph.zero(graph.shape(root))))
 }
 
 struct Rules<'a, 'd> {
     memo: &'a mut HashMap<ExprId, Option<ExprId>>,
     direction: &'a mut Direction<'d>,
+    /// Of a derivative to one side.
+    ties: Option<&'a mut Ties>,
 }
 
 type Derived = Result<Option<ExprId>, NoDerivative>;
@@ -100,12 +121,10 @@ impl Rules<'_, '_> {
             Node::Map2(f, a, b) => self.function2(g, e, f, a, b),
             Node::Select(mask, a, b) => {
                 let (da, db) = (self.of(g, a)?, self.of(g, b)?);
+                let mask = self.mask(g, mask)?;
                 Ok(select(g, mask, da, db))
             }
-            Node::Norm(v) => Ok(self.of(g, v)?.map(|dv| {
-                let n = g.unit(v);
-                g.inner(n, dv)
-            })),
+            Node::Norm(v) => self.norm(g, e, v),
             Node::Unit(v) => Ok(self.of(g, v)?.map(|dv| unit_derivative(g, v, dv))),
             Node::Ball(v, r) => self.ball(g, v, r),
             Node::BallRatio(v, r) => self.ball_ratio(g, e, v, r),
@@ -194,22 +213,22 @@ impl Rules<'_, '_> {
         Ok(sum(g, da, db))
     }
 
+    fn norm(&mut self, g: &mut Graph, e: ExprId, v: ExprId) -> Derived {
+        if self.ties.is_some() {
+            return self.norm_to_side(g, e, v);
+        }
+        Ok(self.of(g, v)?.map(|dv| {
+            let n = g.unit(v);
+            g.inner(n, dv)
+        }))
+    }
+
     fn ball(&mut self, g: &mut Graph, v: ExprId, r: ExprId) -> Derived {
+        if self.ties.is_some() {
+            return self.ball_to_side(g, v, r);
+        }
         let (dv, dr) = (self.of(g, v)?, self.of(g, r)?);
-        let ratio = g.ball_ratio(v, r);
-        let slip = sum_with(
-            g,
-            dv.map(|d| (d, ())),
-            |g, (d, ())| {
-                let turned = turn(g, v, d);
-                g.scale(ratio, turned)
-            },
-            dr,
-            |g, d| {
-                let n = g.unit(v);
-                g.scale(d, n)
-            },
-        );
+        let slip = slipping(g, (v, r), dv, dr);
         let stick = g.in_ball(v, r);
         let closed = select(g, stick, dv, slip);
         let zero = g.number(0.0);
@@ -250,6 +269,25 @@ impl Rules<'_, '_> {
             g.contract(slope, da, &[(2, 0), (3, 1)])
         }))
     }
+}
+
+/// What a projection on a ball moves by where its argument is outside.
+fn slipping(g: &mut Graph, of: (ExprId, ExprId), dv: Option<ExprId>, dr: Option<ExprId>) -> Option<ExprId> {
+    let (v, r) = of;
+    let ratio = g.ball_ratio(v, r);
+    sum_with(
+        g,
+        dv.map(|d| (d, ())),
+        |g, (d, ())| {
+            let turned = turn(g, v, d);
+            g.scale(ratio, turned)
+        },
+        dr,
+        |g, d| {
+            let n = g.unit(v);
+            g.scale(d, n)
+        },
+    )
 }
 
 fn sum(g: &mut Graph, a: Option<ExprId>, b: Option<ExprId>) -> Option<ExprId> {

@@ -10,6 +10,8 @@
 //! values of a companion are what its field moves by, and the derivative of a residual is a residual again. Promises: kinks
 //! take the branch of the value. What equations read of the past of rates has test functions of fields of its own.
 
+mod sides;
+
 use std::collections::BTreeSet;
 
 use wfl::{Checked, Code, Diagnostic, ast::Expr};
@@ -23,6 +25,8 @@ use crate::{
     term::{TermSource, law_of, listing_of, value_of},
     types::{FieldId, FieldOp, PlaceSig, RateOrder, Shape, Side},
 };
+
+pub use sides::{ToSide, compile_term_to_side, compile_value_to_side, kinks_of_term, kinks_of_value};
 
 /// The fields of a scene, with their companions behind them, behind those parameters and their companions, where there are
 /// rates two more fields for each of the scene, and last what does not move.

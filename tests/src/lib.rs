@@ -2,6 +2,7 @@
 
 pub mod corpus;
 pub mod fuzz;
+pub mod gradient_cost;
 pub mod mutants;
 pub mod plate;
 pub mod ranks;
@@ -306,14 +307,31 @@ pub fn ran<T>(
     params: &[(&str, f64)],
     make: impl FnOnce(Differentiated<'_>) -> Result<T, Box<Diagnostic>>,
 ) -> Result<(Solved, T), String> {
+    let options = RunOptions { keep_trajectory: true, ..RunOptions::without_files(2, std::time::Instant::now()) };
+    ran_with(&options, scene, edits, params, make)
+}
+
+/// As [`ran`], run with these options, which keep the steps.
+///
+/// # Errors
+/// The messages as text.
+///
+/// # Panics
+/// If this processor cannot run machine code.
+pub fn ran_with<T>(
+    options: &RunOptions,
+    scene: (&Path, String),
+    edits: &[(&str, String)],
+    params: &[(&str, f64)],
+    make: impl FnOnce(Differentiated<'_>) -> Result<T, Box<Diagnostic>>,
+) -> Result<(Solved, T), String> {
     let (folder, text) = scene;
     let backend = JitBackend::new().expect("machine code on this processor");
     let (script, sources, messages) = script_and_messages(folder, text, edits, params);
     let script = script.ok_or(messages)?;
     let made = prepare(&script, folder, &backend);
     let scene = made.scene.ok_or_else(|| told(&made.diagnostics, &sources))?;
-    let options = RunOptions { keep_trajectory: true, ..RunOptions::without_files(2, std::time::Instant::now()) };
-    let outcome = run(&scene, &options, &mut Quiet).map_err(|e| e.to_string())?;
+    let outcome = run(&scene, options, &mut Quiet).map_err(|e| e.to_string())?;
     let of = Differentiated { scene: &scene, script: &script, outcome: &outcome, backend: &backend, threads: 2 };
     let found = make(of).map_err(|d| told(&[*d], &sources))?;
     Ok((Solved { scene, outcome }, found))

@@ -245,6 +245,9 @@ pub(crate) struct RunArgs {
     pub(crate) resume: bool,
     #[command(flatten)]
     pub(crate) gradient: GradientArgs,
+    /// The limit of the whole command, in bytes.
+    #[arg(skip)]
+    pub(crate) memory: Option<u64>,
     /// Demanded relative error, such as 1e-3: refines the mesh and selects degree, tolerance and penalty
     #[arg(long, value_name = "ERROR", value_parser = accuracy, conflicts_with = "resume")]
     pub(crate) accuracy: Option<f64>,

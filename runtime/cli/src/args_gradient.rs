@@ -13,6 +13,9 @@ pub(crate) struct GradientArgs {
     /// What they are differentiated in: E, fric, field k
     #[arg(long, value_name = "PARAMETERS", num_args = 1.., requires = "gradient")]
     pub(crate) with: Vec<String>,
+    /// Derivatives to one side, too, where points are between two branches: +F to larger values, -F to smaller ones, F to both
+    #[arg(long, value_name = "SIDES", requires = "gradient", allow_hyphen_values = true)]
+    pub(crate) one_sided: Vec<String>,
 }
 
 impl GradientArgs {
@@ -22,6 +25,10 @@ impl GradientArgs {
     /// What is wrong, in words.
     pub(crate) fn request(&self) -> Result<Option<Request>, String> {
         let Some(results) = &self.gradient else { return Ok(None) };
-        Request::read(results, &self.with.join(" ")).map(Some)
+        let mut request = Request::read(results, &self.with.join(" "))?;
+        if !self.one_sided.is_empty() {
+            request.read_sides(&self.one_sided.join(","))?;
+        }
+        Ok(Some(request))
     }
 }

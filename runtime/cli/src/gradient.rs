@@ -7,12 +7,12 @@ use wfl::{Diagnostic, SourceMap};
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     Outcome, Scene,
-    gradient::{Gradients, NO_DERIVATIVE, NearKink, Request, settle},
+    gradient::{Gradient, Gradients, NO_DERIVATIVE, NearKink, Request, settle},
 };
 use wfl_tasks::{
     Loaded, available_threads,
     folder::{error_line, told},
-    gradient::{Comparison, Verdict, Verified, numbers, verify, write},
+    gradient::{Comparison, Verdict, Verified, numbers, to_sides, verify, write},
 };
 
 use crate::{
@@ -101,29 +101,46 @@ fn warn(sources: &SourceMap, found: &Gradients) {
 
 /// The derivatives as a table.
 fn text(found: &Gradients) -> String {
-    let mut table = Table::new("derivatives", &["result", "value", "in", "derivative"]);
+    let sided = found.results.iter().any(|result| !result.sides.is_empty());
+    let columns: &[&str] = if sided { &["to larger values", "to smaller values"] } else { &[] };
+    let mut table = Table::new("derivatives", &[&["result", "value", "in", "derivative"], columns].concat());
     for result in &found.results {
         let one = Gradients { results: vec![result.clone()], ..Gradients::default() };
         for (name, value) in numbers(&one) {
             let parameter = name.strip_prefix(&format!("{}_by_", result.name)).unwrap_or(&name).to_owned();
             let shown = [result.value, value].map(wfl_tasks::words::number);
             let [of, by] = shown.map(Value::from);
-            table.push(vec![result.name.clone().into(), of, parameter.into(), by]);
+            let sides = if sided { shown_sides(result, &parameter) } else { Vec::new() };
+            table.push([vec![result.name.clone().into(), of, parameter.into(), by], sides].concat());
         }
         for (field, values) in &result.fields {
             let sum: f64 = values.iter().sum();
             let shown = format!("{} in all, by node in a file", wfl_tasks::words::number(sum));
             let value = wfl_tasks::words::number(result.value).into();
-            table.push(vec![result.name.clone().into(), value, format!("field {field}").into(), shown.into()]);
+            let mut row: Vec<Value> =
+                vec![result.name.clone().into(), value, format!("field {field}").into(), shown.into()];
+            row.extend(columns.iter().map(|_| Value::from("")));
+            table.push(row);
         }
     }
+    let again = match found.steps_again {
+        0 => String::new(),
+        n => format!(", {n} steps computed again"),
+    };
     format!(
-        "\n{}  {} solutions with the transposed tangent, {} factors, {:.2} s\n",
+        "\n{}  {} solutions with the transposed tangent, {} factors{again}, {:.2} s\n",
         table.text(),
         found.solutions,
         found.factorisations,
         found.seconds
     )
+}
+
+/// The derivatives of a result to both sides of a parameter, `g(2)` for the second entry of one of several numbers.
+fn shown_sides(result: &Gradient, parameter: &str) -> Vec<Value> {
+    let [larger, smaller] = to_sides(result, parameter);
+    let shown = |x: Option<f64>| x.map_or_else(String::new, wfl_tasks::words::number);
+    vec![shown(larger).into(), shown(smaller).into()]
 }
 
 /// Compares derivatives with differences of whole runs.
@@ -147,17 +164,24 @@ pub(crate) fn compare(args: &VerifyArgs, request: &Request) -> ExitCode {
         }
     };
     let columns = ["result", "in", "derivative", "difference", "to more", "to less", ""];
-    let mut table = Table::new("derivatives and differences of runs", &columns);
+    let sided: &[&str] = if request.sides.is_empty() { &[] } else { &["to larger values", "to smaller values"] };
+    let mut table = Table::new("derivatives and differences of runs", &[&columns[..], sided].concat());
     for row in &rows {
         let verdict = match row.verdict {
             Verdict::Agrees => "",
+            Verdict::Kink if row.agrees_with == [true, false] => "a kink: that to more",
+            Verdict::Kink if row.agrees_with == [false, true] => "a kink: that to less",
             Verdict::Kink => "a kink: of one side, or between",
+            Verdict::BothSides => "a kink: both sides agree",
             Verdict::Unclear => "differences too rough to tell",
             Verdict::Disagrees => "WRONG",
         };
         let [a, b, c, d] = [row.derivative, row.central, row.forward, row.backward].map(wfl_tasks::words::number);
         let names = [row.result.clone(), row.parameter.clone()];
-        table.push(names.into_iter().chain([a, b, c, d, verdict.to_owned()]).map(Value::from).collect());
+        let shown = |x: Option<f64>| x.map_or_else(String::new, wfl_tasks::words::number);
+        let sides = if sided.is_empty() { Vec::new() } else { row.sides.map(shown).to_vec() };
+        let all = names.into_iter().chain([a, b, c, d, verdict.to_owned()]).chain(sides);
+        table.push(all.map(Value::from).collect());
     }
     out(&table.text());
     warn(&sources, &found);

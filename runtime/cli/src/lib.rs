@@ -97,7 +97,10 @@ fn command(call: &Call, started: Instant) -> ExitCode {
         }
     }
     match args.command {
-        Command::Run(options) => run::run(&options, started),
+        Command::Run(mut options) => {
+            options.memory = args.memory;
+            run::run(&options, started)
+        }
         Command::Extremes(options) => extremes::extremes(&options, started),
         Command::Report(options) => report::report(&options),
         Command::Plot(options) => plot::plot(&options),

@@ -140,6 +140,8 @@ pub(crate) fn ready(args: &RunArgs, loaded: &Loaded, times: Times) -> Result<Rea
         about: loaded.about(),
         savings: Vec::new(),
         keep_states: false,
+        // the other half is for the run itself
+        trajectory_bytes: args.memory.map(|bytes| bytes / 2),
         keep_trajectory: args.gradient.gradient.is_some() || !loaded.script.gradients.is_empty(),
         keep_outputs: Vec::new(),
     };

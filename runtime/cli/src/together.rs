@@ -4,7 +4,7 @@ use wfl::{Code, Diagnostic};
 use wfl_runtime::{
     Scene,
     accuracy::MESH_FILE,
-    gradient::{Request, not_together, stated},
+    gradient::{Request, ahead, stated},
     may_begin, place_of_moving,
 };
 use wfl_tasks::{Loaded, folder::error_line, gradient::files};
@@ -71,8 +71,8 @@ pub(crate) fn may_do_more(args: &RunArgs, loaded: &Loaded, scene: &Scene, reques
         }
     };
     let all: Vec<&Request> = stated.iter().chain(request).collect();
-    if let Some(d) = all.first().and_then(|_| not_together(scene, &loaded.script)) {
-        print_all(&[d], &loaded.sources);
+    if let Some(d) = all.iter().find_map(|request| ahead(scene, &loaded.script, request).err()) {
+        print_all(&[*d], &loaded.sources);
         return false;
     }
     let mut files: Vec<String> = all.iter().copied().flat_map(files).collect();

@@ -75,3 +75,57 @@ fn what_does_not_go_with_derivatives_is_told_before_the_run() {
     refused(&["run", "bar.wfl", "--with", "E"], "--gradient");
     refused(&["verify", "bar.wfl", "--gradient", "strain", "--with", "E"], "no measure");
 }
+
+/// A bar that is pulled until the friction at its left end is all that there is: the slip is `max(0, drive - bound)`.
+const ONSET: &str = "wfl 1\nparam drive = 0.4\nparam bound = 0.4\nmesh box [0] to [1] cells [4] segment\n\
+    region wall = faces where x == 0\nregion end = faces where x == 1\nunknown u : scalar\n\
+    multiplier tau : scalar on wall\nterm bulk on all : Grad_u.Grad_Test_u\nterm hold on wall : tau*Test_u\n\
+    term law on wall : -1/8*(tau - Ball_projection(tau + 8*u, bound))*Test_tau\nfix u = drive on end\n\
+    measure slip = value(u) at [0]\n";
+
+#[test]
+fn both_sides_of_a_kink_stand_in_table_files_and_beside_differences() {
+    let folder = Folder::new("gradient_sides");
+    folder.write("onset.wfl", ONSET);
+    let asked = ["--gradient", "slip", "--with", "drive, bound", "--one-sided", "drive,-bound"];
+    let done = folder.wfl(&[&["run", "onset.wfl"], &asked[..]].concat());
+    assert!(done.status.success() && said(&done).contains("to larger values"), "{}", said(&done));
+    let out = folder.0.join("out/onset");
+    let table = std::fs::read_to_string(out.join("gradient.csv")).expect("a table");
+    let mut lines = table.lines();
+    let head = "slip_by_drive,slip_by_bound,slip_by_drive_larger,slip_by_drive_smaller,slip_by_bound_smaller";
+    assert_eq!(lines.next(), Some(head));
+    let numbers: Vec<f64> = lines.next().expect("a row").split(',').map(|x| x.parse().expect("a number")).collect();
+    let expected = [1.0, 0.0, -1.0];
+    assert!(numbers[2..].iter().zip(expected).all(|(x, closed)| (x - closed).abs() < 1e-12), "{numbers:?}");
+    let report = std::fs::read_to_string(out.join("report.json")).expect("a report");
+    let report: Value = serde_json::from_str(&report).expect("JSON");
+    let by = &report["gradients"][0];
+    assert!((by["by_larger"]["drive"].as_f64().expect("a number") - 1.0).abs() < 1e-12, "{by}");
+    assert!((by["by_smaller"]["bound"].as_f64().expect("a number") + 1.0).abs() < 1e-12, "{by}");
+    assert!(by["by_larger"].get("bound").is_none(), "{by}");
+    let both = ["--gradient", "slip", "--with", "drive", "--one-sided", "drive"];
+    let done = folder.wfl(&[&["verify", "onset.wfl"], &both[..]].concat());
+    assert!(done.status.success() && said(&done).contains("both sides agree"), "{}", said(&done));
+    // the word tells with which side a derivative agrees that is that of one of them
+    let done = folder.wfl(&["verify", "onset.wfl", "--gradient", "slip", "--with", "drive"]);
+    assert!(done.status.success() && said(&done).contains("a kink"), "{}", said(&done));
+    let other = folder.wfl(&["run", "onset.wfl", "--gradient", "slip", "--with", "drive", "--one-sided", "bound"]);
+    assert!(!other.status.success() && said(&other).contains("no side of a parameter"), "{}", said(&other));
+}
+
+#[test]
+fn steps_are_computed_again_where_memory_does_not_hold_them_all() {
+    let folder = Folder::new("gradient_memory");
+    // 2,000 unknowns and as many states by 1,000 steps are 32 MB
+    let long = BAR.replace("cells [4]", "cells [2000]").replace("by 0.25", "by 0.001");
+    folder.write("bar.wfl", &long);
+    let asked = ["run", "bar.wfl", "--gradient", "stress", "--with", "E, eta"];
+    let all = folder.wfl(&asked);
+    assert!(all.status.success() && !said(&all).contains("computed again"), "{}", said(&all));
+    let table = || std::fs::read_to_string(folder.0.join("out/bar/gradient.csv")).expect("a table");
+    let known = table();
+    let some = folder.wfl(&[&asked[..], &["--memory", "90MB"]].concat());
+    assert!(some.status.success() && said(&some).contains("steps computed again"), "{}", said(&some));
+    assert_eq!(known, table());
+}

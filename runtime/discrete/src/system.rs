@@ -38,7 +38,7 @@ pub use residual::Residual;
 use shared::Counts;
 use sizes::meeting_fields;
 use tangent::SceneAxes;
-pub use tangent::Tangent;
+pub use tangent::{StandIn, Tangent};
 use thiserror::Error;
 use wfl_compiler::{Class, types::InputSlot};
 

@@ -129,6 +129,14 @@ impl PyOutcome {
                 fields.set_item(name, PyArray1::from_slice(py, values))?;
             }
             made.set_item("fields", fields)?;
+            let sides = PyDict::new(py);
+            for side in &gradient.sides {
+                let both = PyDict::new(py);
+                both.set_item("larger", PyArray1::from_slice(py, &side.larger))?;
+                both.set_item("smaller", PyArray1::from_slice(py, &side.smaller))?;
+                sides.set_item(&side.parameter, both)?;
+            }
+            made.set_item("sides", sides)?;
         }
         tell(&made, &found.near, &found.notes)?;
         Ok(made)
@@ -137,15 +145,21 @@ impl PyOutcome {
 
 #[pymethods]
 impl PyOutcome {
-    /// The derivatives of a result: its value, by parameter and by data field its numbers, and what there is to tell.
+    /// The derivatives of a result: its value, by parameter and by data field its numbers, and what there is to tell. `sides`
+    /// are parameters with derivatives to one side, too; empty for none.
     fn gradient<'py>(
         &self,
         py: Python<'py>,
         scene: &Bound<'_, PyScene>,
         result: &str,
         with: &str,
+        sides: &str,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let request = Request::read(result, with).map_err(|why| told::refused(py, &format!("error: {why}\n")))?;
+        let refused = |why: String| told::refused(py, &format!("error: {why}\n"));
+        let mut request = Request::read(result, with).map_err(refused)?;
+        if !sides.is_empty() {
+            request.read_sides(sides).map_err(refused)?;
+        }
         self.followed(py, scene, &request)
     }
 

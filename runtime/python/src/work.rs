@@ -8,7 +8,7 @@ use wfl_runtime::{
     Cadence, Equations, Outcome, RunError, RunOptions, Scene, Session,
     contact::{ContactPoints, contact_points},
     field::FieldSpace,
-    gradient::{Differentiated, settle},
+    gradient::{Differentiated, ahead, settle, stated},
 };
 use wfl_tasks::{
     Loaded, VERSION, advice, available_threads,
@@ -150,6 +150,7 @@ impl Work {
         let started = Instant::now();
         self.refuse_accuracy()?;
         self.check();
+        self.refuse_derivatives()?;
         let options = self.options(asked, started, started.elapsed().as_secs_f64());
         match wfl_runtime::run(&self.scene, &options, teller) {
             Ok(mut outcome) => {
@@ -158,6 +159,14 @@ impl Work {
             }
             Err(error) => Err(self.stopped(&error)),
         }
+    }
+
+    /// Refuses derivatives that the scene states and that do not exist, before a run is spent on them.
+    fn refuse_derivatives(&self) -> Result<(), Vec<Told>> {
+        let script = &self.loaded.script;
+        let requests = stated(&self.scene, script);
+        let refused = requests.and_then(|all| all.iter().try_for_each(|request| ahead(&self.scene, script, request)));
+        refused.map_err(|d| vec![Told::diagnostic(&d, &self.loaded.sources)])
     }
 
     /// Finds the derivatives that the scene states, for its expectations.

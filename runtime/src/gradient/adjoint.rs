@@ -99,7 +99,7 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     refused::places(script, live)?;
     let (trajectory, ends) = standing::of_run(outcome)?;
     let mut equations = outcome.equations.clone();
-    let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
+    let mut standing = Standing::new((of, trajectory), scene.solving(&mut equations));
     let extended = Extended::new(scene, script, live.to_vec());
     let mut extended = extended.map_err(|e| not_made(&e.to_string()))?;
     shape::find(&mut extended, of)?;
@@ -119,9 +119,10 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
     let (sums, mut near) = run.all_steps(&asked, &ends, &kinks)?;
     join(&mut near, std::mem::take(&mut asked.near));
     let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
+    let steps_again = run.standing.steps.again();
     let shape::Told { near: of_mesh, notes } = shape::told(&extended, of, &request.parameters)?;
     near.extend(of_mesh);
-    let mut made = Gradients { near, notes, solutions, factorisations, ..Gradients::default() };
+    let mut made = Gradients { near, notes, solutions, factorisations, steps_again, ..Gradients::default() };
     for (into, mut sum) in sums.into_iter().enumerate() {
         extended.gather_motion(&mut sum.live);
         to_declared(script, &extended, &mut sum.live)?;
@@ -138,6 +139,7 @@ pub(super) fn solve(of: Differentiated<'_>, request: &Request, live: &[Live]) ->
             value: asked.values[into],
             parameters: request.parameters.iter().filter_map(entries).collect(),
             fields: request.fields.iter().filter_map(field).collect(),
+            sides: Vec::new(),
         });
     }
     Ok(made)
@@ -166,14 +168,15 @@ impl Backwards<'_, '_> {
         for Direct { into, live, .. } in &asked.direct {
             add(&mut found.sums[*into].live, live);
         }
-        for (n, step) in trajectory.steps.iter().enumerate().rev() {
+        for n in (0..trajectory.steps.len()).rev() {
             let of_end = |end: &usize| results.iter().map(|w| (w, w.steps[*end])).filter(|r| r.1 != 0.0).collect();
             let read: Vec<(&Weighed, f64)> = ends.get(&n).map(of_end).unwrap_or_default();
             if read.is_empty() && found.end.iter().all(Cotangent::is_zero) {
                 continue;
             }
             found.start.clone_from(&nothing);
-            self.one_step((n, step), &read, kinks, &mut found)?;
+            let step = self.standing.steps.step(n)?;
+            self.one_step((n, &step), &read, kinks, &mut found)?;
             std::mem::swap(&mut found.end, &mut found.start);
         }
         let beginning =
@@ -259,7 +262,7 @@ impl Backwards<'_, '_> {
         found: &mut Found,
     ) -> Result<(), Box<Diagnostic>> {
         let (n, step) = at;
-        self.standing.put_states_behind(n);
+        self.standing.put_states_behind(n)?;
         for (weighed, weight) in read {
             let Summed::Points(points) = &weighed.summed else { continue };
             let shared = self.of_measure(weighed, (points, *weight), step)?;

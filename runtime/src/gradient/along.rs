@@ -116,6 +116,31 @@ impl Along {
         Some(next)
     }
 
+    /// By part of a measure what it changes by at the points that count; zero at others.
+    pub(super) fn points(
+        &self,
+        extended: &Extended<'_>,
+        result: (usize, &[Vec<f64>]),
+        values: FieldValues<'_>,
+    ) -> Vec<Vec<f64>> {
+        let (number, counts) = result;
+        let mesh = &extended.scene.system.mesh;
+        let mut all = Vec::with_capacity(counts.len());
+        for (part, counts) in self.measures[number].iter().zip(counts) {
+            let mut points = vec![0.0; counts.len()];
+            if let Some((value, sampled)) = part {
+                let mut at = points.iter_mut().zip(counts);
+                value.for_each_point(mesh, sampled, values, |_, _, _, _, v| {
+                    if let Some((x, _)) = at.next().filter(|(_, counts)| **counts != 0.0) {
+                        *x = v[0];
+                    }
+                });
+            }
+            all.push(points);
+        }
+        all
+    }
+
     /// What a measure changes by, whose values at points count by the first numbers and the growth of whose region by the others.
     pub(super) fn measure(
         &self,

@@ -40,8 +40,11 @@ impl Beginning {
     /// Brings the equations to where time starts; `None` where no step reads the rates there.
     pub(super) fn new(standing: &mut Standing<'_, '_>) -> Result<Option<Self>, Box<Diagnostic>> {
         let of_a_list = standing.solving.steps.are_listed();
-        let trajectory = standing.trajectory;
-        let Some(step) = trajectory.steps.first().filter(|s| s.kind == Passed::Given) else { return Ok(None) };
+        let first = standing.trajectory.steps.first();
+        if first.is_none_or(|s| s.kind != Passed::Given) {
+            return Ok(None);
+        }
+        let step = standing.steps.step(0)?;
         let Some(rates) = step.rates.as_ref().filter(|r| r.are_read_at_start(of_a_list)) else { return Ok(None) };
         let fields = rates.fields().iter().map(|of| (of.form, of.dofs.clone())).collect();
         let begins_with_rates = rates.scheme().most_order(RateForm::First) > 2 && of_a_list;

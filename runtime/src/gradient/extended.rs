@@ -203,6 +203,16 @@ impl<'a> Extended<'a> {
         self.fields.len() - 1
     }
 
+    /// Adds a field of so many numbers for the whole scene: the tolerances of kinks; gives its position.
+    pub(super) fn add_tolerances(&mut self, n: usize) -> usize {
+        let name = format!("tolerances {}'", self.fields.len());
+        let (kind, space) = (FieldKind::Data, FieldSpace::Global);
+        self.fields.push(Field { name: name.clone(), kind, n_components: n, space });
+        self.sigs.push(FieldSig { name, shape: Shape::vector(n), degree: 0, kind, global: true, on_faces: false });
+        self.starts.push(None);
+        self.fields.len() - 1
+    }
+
     /// The place of a domain, where a law was compiled before: every field lives there.
     pub(super) fn place(&self, domain: &Arc<Domain>, through_mapping: bool) -> PlaceSig {
         let n = self.fields.len();

@@ -2,6 +2,7 @@
 
 mod beginning;
 mod explicit;
+mod side;
 
 use wfl::Diagnostic;
 
@@ -15,8 +16,9 @@ use super::{
     measures::{Asked, Direct, Summed, Weighed},
     near::{Kinks, NearKink, join},
     parameters::from_declared,
-    refused::{self, not_made, other_size},
+    refused::{self, not_made, number_between, other_size},
     shape,
+    sided::Sided,
     standing::{self, AGREEMENT, Ends, Standing},
 };
 use crate::{
@@ -53,6 +55,8 @@ pub struct Tangents {
     pub solutions: usize,
     /// Factorisations of one.
     pub factorisations: usize,
+    /// Steps that were computed again to keep to a bound of memory.
+    pub steps_again: usize,
     /// Seconds that they took.
     pub seconds: f64,
 }
@@ -111,31 +115,48 @@ struct Forwards<'a, 's> {
     formulas: Formulas,
     standing: Standing<'a, 's>,
     tangent: Tangent,
+    /// For derivatives to one side.
+    sided: Option<Sided>,
+    /// Points of the equations of this step are between two branches, and directions decide on which of them they are.
+    decides: bool,
+    /// What there is to tell of them.
+    told: Vec<String>,
     /// A direction in which nothing moves but the unknowns at the end of a step.
     still: Moving,
     /// The vector of the equations, behind which others have their place.
     out: Vec<f64>,
 }
 
-/// What the measures of a request do along directions.
+/// What the measures of a request do along directions; to one side where points between two branches go with the direction.
 pub(super) fn solve(
     of: Differentiated<'_>,
     request: &Request,
     live: &[Live],
     directions: &[Direction],
+    to_one_side: bool,
 ) -> Result<Tangents, Box<Diagnostic>> {
     let Differentiated { scene, script, outcome, backend, .. } = of;
     refused::places(script, live)?;
     let (trajectory, ends) = standing::of_run(outcome)?;
     let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
     let mut equations = outcome.equations.clone();
-    let mut standing = Standing::new(trajectory, scene.solving(&mut equations));
+    let mut standing = Standing::new((of, trajectory), scene.solving(&mut equations));
     let extended = Extended::new(scene, script, live.to_vec());
     let mut extended = extended.map_err(|e| not_made(&e.to_string()))?;
+    if to_one_side && extended.has_motion() {
+        return Err(not_made("to one side of a kink laws do not follow a mesh that parameters move"));
+    }
     shape::find(&mut extended, of)?;
     // the laws of adjoints are not needed, but what they refuse is
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
     let kinks = Kinks::new(&extended, script, asked.weighed.iter().map(|w| w.measure), backend)?;
+    if let Some(near) = asked.near.first().filter(|_| to_one_side) {
+        return Err(number_between(&near.place, near.span));
+    }
+    let sided = match to_one_side {
+        true => Some(Sided::new(&mut extended, script, &asked.weighed, backend)?),
+        false => None,
+    };
     let mut run = Forwards {
         formulas: Formulas::new(&extended, script)?,
         of,
@@ -143,6 +164,9 @@ pub(super) fn solve(
         laws: Along::new(&extended, script, &asked.weighed, backend)?,
         standing,
         tangent: Tangent::new(As::Written),
+        sided,
+        decides: false,
+        told: Vec::new(),
         still: Moving::default(),
         out: vec![0.0; extended.n_entries],
     };
@@ -151,9 +175,11 @@ pub(super) fn solve(
     let (moved, mut near) = run.all_steps(&mut moving, &asked, &ends, &kinks)?;
     join(&mut near, std::mem::take(&mut asked.near));
     let (solutions, factorisations) = (run.tangent.solutions, run.tangent.factorisations);
-    let shape::Told { near: of_mesh, notes } = shape::told(&extended, of, &request.parameters)?;
+    let (mut notes, steps_again) = (std::mem::take(&mut run.told), run.standing.steps.again());
+    let shape::Told { near: of_mesh, notes: of_shape } = shape::told(&extended, of, &request.parameters)?;
     near.extend(of_mesh);
-    Ok(Tangents { times, moved, near, notes, solutions, factorisations, ..Tangents::default() })
+    notes.extend(of_shape);
+    Ok(Tangents { times, moved, near, notes, solutions, factorisations, steps_again, ..Tangents::default() })
 }
 
 impl Forwards<'_, '_> {
@@ -211,15 +237,17 @@ impl Forwards<'_, '_> {
         }
         let mut near = Vec::new();
         if let Some(beginning) = Beginning::new(&mut self.standing)? {
-            self.laws.set_step(self.standing.step_of(trajectory.steps[0].time, &trajectory.steps[0]));
+            self.set_step(trajectory.steps[0].time, &trajectory.steps[0]);
             for one in moving.iter_mut() {
                 self.beginning(&beginning, one)?;
             }
         }
-        for (n, step) in trajectory.steps.iter().enumerate() {
+        for n in 0..trajectory.steps.len() {
             self.standing.at(n)?;
-            self.laws.set_step(self.standing.step_of(self.standing.time_of(step), step));
+            let step = &*self.standing.steps.step(n)?;
+            self.set_step(self.standing.time_of(step), step);
             self.tangent.is_new = true;
+            self.decides = false;
             for one in moving.iter_mut() {
                 self.step(step, one)?;
             }
@@ -232,7 +260,7 @@ impl Forwards<'_, '_> {
                 self.go_to_end(step, moving)?;
             }
             if let Some(end) = ends.get(&n) {
-                self.standing.put_states_behind(n);
+                self.standing.put_states_behind(n)?;
                 // the list is read backwards, as the adjoint finds it
                 for (k, weighed) in asked.weighed.iter().enumerate().rev().filter(|(_, w)| w.steps[*end] != 0.0) {
                     near.push(kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));
@@ -269,6 +297,36 @@ impl Forwards<'_, '_> {
         }
         one.end.u.fill(0.0);
         self.prescribed_in(step, one)?;
+        self.look(step, one);
+        if self.decides {
+            self.step_to_side(step, one)?;
+        } else {
+            self.linear(step, one)?;
+        }
+        self.states(step, one);
+        if let Some((_, along)) = of_rates {
+            // what the equations were solved for goes to the end of the step
+            let mut end = one.end.u.clone();
+            if self.standing.offset(step) != 0.0 {
+                along.extrapolate(&mut end, &one.before.u);
+            }
+            one.end.kept = along.kept_at(&end, &one.before.u);
+            one.end.u = end;
+        }
+        Ok(())
+    }
+
+    /// Brings laws to a step.
+    fn set_step(&mut self, time: f64, step: &PassedStep) {
+        let at = self.standing.step_of(time, step);
+        self.laws.set_step(at);
+        if let Some(sided) = &mut self.sided {
+            sided.set_step(at);
+        }
+    }
+
+    /// What the unknowns move by, and what the equations are off by then.
+    fn linear(&mut self, step: &PassedStep, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
         one.rows = self.residual(step, one)?;
         let rhs: Vec<f64> = one.rows.iter().map(|x| -x).collect();
         let found = self.tangent.solve(self.standing.solving.system, &step.u, &rhs, self.of.threads)?;
@@ -288,16 +346,6 @@ impl Forwards<'_, '_> {
                 step.time
             )));
         }
-        self.states(step, one);
-        if let Some((_, along)) = of_rates {
-            // what the equations were solved for goes to the end of the step
-            let mut end = one.end.u.clone();
-            if self.standing.offset(step) != 0.0 {
-                along.extrapolate(&mut end, &one.before.u);
-            }
-            one.end.kept = along.kept_at(&end, &one.before.u);
-            one.end.u = end;
-        }
         Ok(())
     }
 
@@ -308,7 +356,8 @@ impl Forwards<'_, '_> {
             let (current, previous) = self.values(&values, one);
             let values = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
             let states = 0..self.standing.solving.scene.states.len();
-            states.map(|k| self.laws.state(self.extended, k, values)).collect()
+            let to_side = |k: usize| self.sided.as_ref()?.state(self.extended, k, values);
+            states.map(|k| to_side(k).or_else(|| self.laws.state(self.extended, k, values))).collect()
         };
         for (state, next) in self.standing.solving.scene.states.iter().zip(next) {
             match next {
@@ -321,7 +370,7 @@ impl Forwards<'_, '_> {
     /// Brings equations and directions from where the equations of a step stand to its end.
     fn go_to_end(&mut self, step: &PassedStep, moving: &mut [Moving]) -> Result<(), Box<Diagnostic>> {
         self.standing.go_to_end(step)?;
-        self.laws.set_step(self.standing.step_of(step.time, step));
+        self.set_step(step.time, step);
         let n = self.extended.n;
         for one in moving {
             let mut known = std::mem::take(&mut one.end.known);
@@ -382,12 +431,17 @@ impl Forwards<'_, '_> {
         let values = system.values(&step.u);
         let (current, previous) = self.values(&values, one);
         let made = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
-        self.laws.residual(self.extended, made, wanted, &mut out)?;
+        let sided = self.sided.as_ref().filter(|_| self.decides);
+        let is_plain = |term: usize| wanted(term) && !sided.is_some_and(|sided| sided.has(term));
+        self.laws.residual(self.extended, made, is_plain, &mut out)?;
         let mut by_dof = vec![0.0; system.numbering.n_dofs];
         for k in 0..self.extended.n {
             if let Some(range) = system.range(k) {
                 by_dof[range].copy_from_slice(&out[self.extended.range(k)]);
             }
+        }
+        if let Some(sided) = sided {
+            sided.residual(self.extended, made, &wanted, &mut by_dof)?;
         }
         drop(values);
         self.out = out;
@@ -478,7 +532,9 @@ impl Forwards<'_, '_> {
                     let one = placed.as_ref().unwrap_or(one);
                     let (current, previous) = self.values(&values, one);
                     let made = FieldValues { current: &current, previous: &previous, rates: one.rates.as_ref() };
-                    put(d, self.laws.measure(self.extended, (number, [&points, &growing]), made));
+                    let to_side = self.sided.as_ref().map(|_| self.measure_to_side(result, step, (&values, made)));
+                    let along = || self.laws.measure(self.extended, (number, [&points, &growing]), made);
+                    put(d, to_side.flatten().unwrap_or_else(along));
                 }
                 shared
             }

@@ -47,10 +47,27 @@ impl Tangent {
         rhs: &[f64],
         threads: usize,
     ) -> Result<Vec<f64>, Box<Diagnostic>> {
-        let numbering = &system.numbering;
         if std::mem::take(&mut self.is_new) {
             self.factor(system, u, threads)?;
         }
+        self.solved(system, rhs)
+    }
+
+    /// The same with another tangent, which is taken as it is: the next solution of the step makes its own again.
+    pub(super) fn solve_with(
+        &mut self,
+        system: &System,
+        matrix: Csr,
+        rhs: &[f64],
+        threads: usize,
+    ) -> Result<Vec<f64>, Box<Diagnostic>> {
+        self.is_new = true;
+        self.hold((system, matrix), false, threads)?;
+        self.solved(system, rhs)
+    }
+
+    fn solved(&mut self, system: &System, rhs: &[f64]) -> Result<Vec<f64>, Box<Diagnostic>> {
+        let numbering = &system.numbering;
         let mut turned = rhs.to_vec();
         numbering.turn(&mut turned);
         let mut own = Vec::new();
@@ -61,7 +78,7 @@ impl Tangent {
             refined((solver.as_mut(), matrix), &own, &mut x).map_err(|e| singular(&e.to_string()))?;
             self.solutions += 1;
         }
-        let zero = vec![0.0; u.len()];
+        let zero = vec![0.0; rhs.len()];
         let mut out = zero.clone();
         numbering.advance(&zero, &x, 1.0, &mut out);
         self.own = x;
@@ -89,6 +106,12 @@ impl Tangent {
         let matrix = system.bulk().plus(&tangent.changing).map_err(|e| not_made(&e.to_string()))?;
         let is_symmetric = system.is_symmetric();
         let matrix = if is_symmetric || self.form == As::Written { matrix } else { matrix.transpose() };
+        self.hold((system, matrix), is_symmetric, threads)
+    }
+
+    /// Factors a matrix, unless it is the last one.
+    fn hold(&mut self, of: (&System, Csr), is_symmetric: bool, threads: usize) -> Result<(), Box<Diagnostic>> {
+        let (system, matrix) = of;
         if let Some((_, known)) = &self.solver
             && known.values() == matrix.values()
         {

@@ -144,6 +144,34 @@ impl Asked {
         Ok(made)
     }
 
+    /// What is refused of a request without a run; gives the laws of the derivatives of its measures.
+    pub(super) fn ahead(
+        extended: &mut Extended<'_>,
+        script: &ResolvedScript,
+        request: &Request,
+    ) -> Result<Vec<Placed>, Box<Diagnostic>> {
+        let mut made = Self::default();
+        let steps = &extended.scene.steps;
+        let times = steps.are_listed().then(|| steps.values.clone());
+        for wanted in &request.results {
+            if let Some(Err(why)) = times.as_ref().map(|times| wanted.weights(times)) {
+                return Err(refused_at(script, wanted, &why));
+            }
+            let name = &wanted.measure;
+            let own = extended.scene.measures.iter().any(|m| m.name == *name);
+            match extended.measure(name).filter(|_| own) {
+                Some(measure) if made.sums.contains_key(&measure) => {}
+                Some(measure) => {
+                    let summed = made.summed(extended, measure)?;
+                    made.sums.insert(measure, summed);
+                }
+                None if Arithmetic::new(extended, script, name)?.is_some() => {}
+                None => return Err(no_result(script, name)),
+            }
+        }
+        Ok(made.laws)
+    }
+
     /// Adds a measure to a result.
     fn add(&mut self, extended: &mut Extended<'_>, of: (usize, usize), steps: Vec<f64>) -> Result<(), Box<Diagnostic>> {
         let (into, measure) = of;
@@ -214,7 +242,7 @@ impl Asked {
                 all.push(None);
                 continue;
             }
-            let step = &standing.trajectory.steps[*n];
+            let step = &*standing.steps.step(*n)?;
             let mut values = of.outcome.steps[*end].measures.clone();
             if !own.is_empty() {
                 standing.at_end_of(*n)?;
@@ -299,6 +327,30 @@ fn follows_unknowns(scene: &crate::Scene, value: &Value) -> bool {
     })
 }
 
+/// What of the values at its points a measure is made of.
+pub(super) struct Counted {
+    /// By part and point the factor of what the point changes by in what the measure changes by: of a largest or smallest
+    /// value one for each point that has it, and minus one for a smallest one.
+    pub(super) counts: Vec<Vec<f64>>,
+    /// It is the largest or smallest value of several points.
+    pub(super) shared: bool,
+    reduction: Reduction,
+}
+
+impl Counted {
+    /// What the measure changes by, of what its points change by: the largest of those that share the largest value.
+    pub(super) fn along(&self, moved: &[Vec<f64>]) -> f64 {
+        let each = || self.counts.iter().flatten().zip(moved.iter().flatten()).filter(|(c, _)| **c != 0.0);
+        match self.reduction {
+            Reduction::Max | Reduction::Min => {
+                let sign = if self.reduction == Reduction::Min { -1.0 } else { 1.0 };
+                sign * each().map(|(count, x)| count * x).fold(f64::NEG_INFINITY, f64::max)
+            }
+            _ => each().map(|(count, x)| count * x).sum(),
+        }
+    }
+}
+
 impl Weighed {
     /// By part of the points what the growth of the region counts by at each: the value in an integral, in a mean how far it is
     /// above that, over the size of the region.
@@ -321,6 +373,36 @@ impl Weighed {
             _ => (0.0, 1.0),
         };
         points.iter().map(|list| list.iter().map(|[_, v]| (v - mean) / size).collect()).collect()
+    }
+
+    /// What of the values at its points the measure is made of.
+    pub(super) fn taken_at(
+        &self,
+        of: (&Extended<'_>, &Solving<'_>),
+        values: FieldValues<'_>,
+        step: (f64, f64),
+    ) -> Counted {
+        let (extended, solving) = of;
+        let (reduction, parts) = extended.measures[self.measure].0.at_points().expect("others are refused");
+        let points: Vec<Vec<[f64; 2]>> =
+            parts.iter().map(|(value, sampled)| taken(solving, (value, sampled), values, step)).collect();
+        let all = || points.iter().flatten();
+        let with = |f: &dyn Fn(&[f64; 2]) -> f64| points.iter().map(|list| list.iter().map(f).collect()).collect();
+        let (counts, shared) = match reduction {
+            Reduction::Integral => (with(&|p| p[0]), false),
+            Reduction::Mean => {
+                let size = all().map(|p| p[0]).sum::<f64>();
+                (with(&|p| p[0] / size), false)
+            }
+            _ => {
+                let sign = if reduction == Reduction::Min { -1.0 } else { 1.0 };
+                let best = all().map(|p| sign * p[1]).fold(f64::NEG_INFINITY, f64::max);
+                let is_best = |p: &[f64; 2]| best - sign * p[1] <= NEAR * best.abs();
+                let shared = reduction != Reduction::Value && all().filter(|p| is_best(p)).count() > 1;
+                (with(&|p| if is_best(p) { sign } else { 0.0 }), shared)
+            }
+        };
+        Counted { counts, shared, reduction }
     }
 
     /// By part of the points the number of each, such that the sum over the points with the weights of the rule is the

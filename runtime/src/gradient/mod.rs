@@ -8,7 +8,7 @@
 //!
 //! From the first step to the last one, along a direction of the parameters: `K_n du_n = -(R_p dp + R_(u-) du_(n-1) + R_s
 //! ds_(n-1) + R_g dg)`, then `ds_n`: one solution a step and direction, however many results. Both use laws of their own, so
-//! that each is a test of the other.
+//! that each is a test of the other. To one side points between two branches go with the direction ([`sided`]).
 //!
 //! Where parameters move the mesh, the velocity of its nodes is one more field that laws are differentiated in (`shape.rs`): the
 //! derivative in a parameter is that in the velocities times those that its formulas give.
@@ -18,6 +18,7 @@
 //! it; points between two branches are counted. Does not run scenes.
 
 mod adjoint;
+mod ahead;
 mod along;
 mod beginning;
 mod computed;
@@ -33,8 +34,11 @@ mod parameters;
 mod refused;
 mod request;
 mod shape;
+mod sided;
+mod sides;
 mod standing;
 mod stated;
+mod steps;
 mod velocities;
 
 use std::time::Instant;
@@ -43,11 +47,13 @@ use wfl::{Diagnostic, ResolvedScript};
 use wfl_compiler::backend::KernelBackend;
 
 use crate::{Outcome, Scene};
+pub use ahead::ahead;
 pub use forward::{Direction, Moved, Tangents};
 pub use jacobian::{Jacobian, Mode};
 pub use near::NearKink;
 pub use refused::{NO_DERIVATIVE, not_together};
-pub use request::{Request, Result as WantedResult, When};
+pub use request::{Request, Result as WantedResult, Side, When};
+pub use sides::ToSides;
 pub use stated::{settle, stated};
 
 /// What is differentiated: a run with the scene that it is of.
@@ -76,6 +82,8 @@ pub struct Gradient {
     pub parameters: Vec<(String, Vec<f64>)>,
     /// By data field its values: `[node * components + component]`.
     pub fields: Vec<(String, Vec<f64>)>,
+    /// Derivatives to one side, by parameter that was asked for.
+    pub sides: Vec<ToSides>,
 }
 
 /// The derivatives of several results.
@@ -91,6 +99,8 @@ pub struct Gradients {
     pub solutions: usize,
     /// Factorisations of one.
     pub factorisations: usize,
+    /// Steps that were computed again to keep to a bound of memory.
+    pub steps_again: usize,
     /// Seconds that they took.
     pub seconds: f64,
 }
@@ -116,6 +126,9 @@ pub fn gradients(of: Differentiated<'_>, request: &Request) -> Result<Gradients,
     refused::check(of, request)?;
     let live = parameters::live(of.script, of.scene, request)?;
     let mut made = adjoint::solve(of, request, &live)?;
+    if !request.sides.is_empty() {
+        sides::add(of, request, &mut made)?;
+    }
     made.notes.extend(parameters::notes(of.script, of.scene, request, &live));
     let silent: Vec<String> = request.fields.iter().filter_map(|f| without_influence(of.scene, &made, f)).collect();
     made.notes.extend(silent);
@@ -148,7 +161,7 @@ pub fn tangents(
     let request = forward::request(measures, directions);
     refused::check(of, &request)?;
     let live = parameters::live(of.script, of.scene, &request)?;
-    let mut made = forward::solve(of, &request, &live, directions)?;
+    let mut made = forward::solve(of, &request, &live, directions, false)?;
     made.notes.extend(parameters::notes(of.script, of.scene, &request, &live));
     made.seconds = begin.elapsed().as_secs_f64();
     Ok(made)

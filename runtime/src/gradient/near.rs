@@ -55,7 +55,7 @@ impl NearKink {
         let what = if *of == 0 { String::new() } else { format!("{points} of {of} points of ") };
         Diagnostic::new(Code::W660, format!("{what}`{place}` {kind} at t = {time}{further}"))
             .at_or_note(*span, "the derivative is that of one side, and another one for changes to the other side")
-            .help("differences of runs to both sides show them: wfl verify --gradient")
+            .help("--one-sided PARAMETER gives those to both sides; differences of runs: wfl verify --gradient")
     }
 
     /// W660 for what the parameters do to the mesh.
@@ -185,8 +185,9 @@ impl Kink {
             let is_near = |point: &&[f64]| {
                 (0..n).filter(|k| self.kinds[*k] == kind).any(|k| {
                     let [a, b] = at(point, k);
-                    // where nothing presses there is no friction, whatever the radius is
-                    let counts = kind == KinkKind::Select || b > NEAR * scales[k];
+                    // where nothing presses there is no friction, whatever the radius is; what does not move there either is
+                    // at the tip of the cone, and its tangent that of stick
+                    let counts = kind == KinkKind::Select || b > NEAR * scales[k] || (a == 0.0 && b == 0.0);
                     counts && (a - b).abs() <= NEAR * scales[k]
                 })
             };

@@ -110,7 +110,7 @@ fn slopes(
 pub(super) fn notes(script: &ResolvedScript, scene: &Scene, request: &Request, live: &[Live]) -> Vec<String> {
     let (mut read, mut decides) = (BTreeSet::new(), BTreeSet::new());
     let is_field = |word: &str| script.fields.iter().any(|f| f.name.name == split_prefixes(word).1);
-    for_each_formula(script, request, &mut |e| {
+    let mut look = |e: &Expr| {
         each_name(e, &mut |word| read.extend([word.to_owned()]));
         each_condition(e, &mut |condition| {
             let mut words = BTreeSet::new();
@@ -119,7 +119,16 @@ pub(super) fn notes(script: &ResolvedScript, scene: &Scene, request: &Request, l
                 decides.extend(words);
             }
         });
-    });
+        read.clone()
+    };
+    let mut known = BTreeSet::new();
+    for_each_formula(script, request, &mut |e| known = look(e));
+    // a parameter that others are made of is read where one of them is
+    for param in script.params.iter().rev().filter(|p| !is_auto(&p.value)) {
+        if known.contains(&param.name.name) {
+            known = look(&param.value);
+        }
+    }
     let note = |l: &Live| match (read.contains(&l.name), decides.contains(&l.name)) {
         (false, _) => {
             Some(format!("`{}` stands in no term, load, state, prescribed or first value, and in no result", l.name))
@@ -137,12 +146,11 @@ pub(super) fn notes(script: &ResolvedScript, scene: &Scene, request: &Request, l
         format!("`{}` keeps the value{shown} that this run has found: what changes it is not followed", p.name.name)
     };
     let found = script.params.iter().filter(|p| is_auto(&p.value)).map(kept);
-    live.iter().filter_map(note).chain(found).collect()
+    live.iter().filter(|l| l.made_of.is_none()).filter_map(note).chain(found).collect()
 }
 
 /// Calls `f` for every expression that a solution or a result is made of.
 fn for_each_formula<'s>(script: &'s ResolvedScript, request: &'s Request, f: &mut dyn FnMut(&'s Expr)) {
-    script.params.iter().for_each(|p| f(&p.value));
     each_moving_place(script, f);
     script.terms.iter().for_each(|t| f(&t.expr));
     script.loads.iter().chain(&script.fixes).for_each(|c| f(&c.value));

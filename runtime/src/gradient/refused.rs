@@ -36,6 +36,21 @@ pub(super) fn not_made(why: &str) -> Box<Diagnostic> {
     Box::new(message("the derivatives could not be computed").note(why))
 }
 
+/// No choice of branches solves the equations to one side.
+pub(super) fn no_side(time: f64) -> Box<Diagnostic> {
+    let d = message(format!(
+        "at t = {time} points are between two branches, and no choice of them was found that the unknowns lead to: no derivative \
+         to this side"
+    ));
+    Box::new(d.help("differences of whole runs show what happens: wfl verify --gradient"))
+}
+
+/// A number made of measures that is between two branches itself.
+pub(super) fn number_between(name: &str, span: Option<Span>) -> Box<Diagnostic> {
+    let d = message(format!("`{name}` is between two branches of its own: it has no derivative to one side yet"));
+    Box::new(placed(d, span).help("the measures that it is made of have one"))
+}
+
 /// A direction of another size than what it moves.
 pub(super) fn other_size(name: &str, given: usize, wanted: usize) -> Result<(), Box<Diagnostic>> {
     if given == wanted {
@@ -205,7 +220,15 @@ pub(super) fn not_in_weights(reaction: &Expr, live: &[&str]) -> Result<(), Box<D
 
 /// Refuses what the derivatives of a run do not follow.
 pub(super) fn check(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnostic>> {
-    let Differentiated { scene, script, outcome, .. } = of;
+    let is_bad = |s: &&crate::StepResult| !s.history.converged() && s.history.stop != Some(Stop::Given);
+    if let Some(step) = of.outcome.steps.iter().find(is_bad) {
+        return Err(Box::new(message(format!("the step at t = {} did not converge: it has no derivative", step.time))));
+    }
+    without_run(of.scene, of.script, request)
+}
+
+/// The same of what is known without a run.
+pub(super) fn without_run(scene: &Scene, script: &ResolvedScript, request: &Request) -> Result<(), Box<Diagnostic>> {
     if let Some(d) = not_together(scene, script) {
         return Err(Box::new(d));
     }
@@ -216,9 +239,6 @@ pub(super) fn check(of: Differentiated<'_>, request: &Request) -> Result<(), Box
         let shown = value.map_or_else(String::new, |v| format!("; this run found {v}"));
         return Err(Box::new(d.at(param.value.span, "").help(format!("write the number in place of `auto`{shown}"))));
     }
-    if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged() && s.history.stop != Some(Stop::Given)) {
-        return Err(Box::new(message(format!("the step at t = {} did not converge: it has no derivative", step.time))));
-    }
     if let Some(state) = scene.states.iter().find(|s| s.at_points().is_none()) {
         let name = &scene.system.fields[state.field].name;
         let d = message(format!("the state `{name}` is renewed through a mapping: it has no derivative yet"));
@@ -228,13 +248,12 @@ pub(super) fn check(of: Differentiated<'_>, request: &Request) -> Result<(), Box
             None => d,
         }));
     }
-    fields(of, request)
+    fields(script, request)
 }
 
 /// Data fields that are differentiated in.
-fn fields(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnostic>> {
-    let data: Vec<&str> = of
-        .script
+fn fields(script: &ResolvedScript, request: &Request) -> Result<(), Box<Diagnostic>> {
+    let data: Vec<&str> = script
         .fields
         .iter()
         .filter(|f| matches!(f.kind, wfl::FieldKind::Data { .. }))
@@ -329,6 +348,11 @@ fn each_fixed_place<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr, 
     for quadrature in &script.quadratures {
         if let QuadratureRule::Degree(e) = &quadrature.rule {
             f(e, "`quadrature`", OF_OPTION);
+        }
+    }
+    for result in script.gradients.iter().flat_map(|g| &g.results) {
+        if let wfl::ast::AtSteps::At(_, e) = &result.at {
+            f(e, "the value of the step variable that a result is taken at", OF_STEPS);
         }
     }
 }

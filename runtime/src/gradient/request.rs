@@ -39,6 +39,31 @@ pub struct Request {
     pub fields: Vec<String>,
     /// The results are summands of one.
     pub together: bool,
+    /// Parameters in which derivatives to one side are wanted, too.
+    pub sides: Vec<Side>,
+}
+
+/// A parameter in which derivatives to one side are wanted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Side {
+    /// The parameter.
+    pub parameter: String,
+    /// To larger values.
+    pub larger: bool,
+    /// To smaller values.
+    pub smaller: bool,
+}
+
+impl Side {
+    /// Of a word: `+F`, `-F`, or `F` for both sides.
+    fn read(word: &str) -> Self {
+        let (name, larger, smaller) = match (word.strip_prefix('+'), word.strip_prefix('-')) {
+            (Some(name), _) => (name, true, false),
+            (_, Some(name)) => (name, false, true),
+            _ => (word, true, true),
+        };
+        Self { parameter: name.trim().to_owned(), larger, smaller }
+    }
 }
 
 /// Values of the step variable within this part of the range are one.
@@ -70,6 +95,26 @@ impl Request {
             }
         }
         Ok(made)
+    }
+
+    /// Adds derivatives to one side, as they are written: `+F` for larger values, `-F` for smaller ones, `F` for both.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn read_sides(&mut self, list: &str) -> std::result::Result<(), String> {
+        for word in list.split(',').map(str::trim) {
+            let side = Side::read(word);
+            if !self.parameters.contains(&side.parameter) {
+                let names: Vec<&str> = self.parameters.iter().map(String::as_str).collect();
+                let help = known(&side.parameter, &names, "number after --with");
+                return Err(format!(
+                    "`{word}` is no side of a parameter of the derivatives\n  = help: +F to larger values, -F to smaller ones, F \
+                     to both; {help}"
+                ));
+            }
+            self.sides.push(side);
+        }
+        Ok(())
     }
 }
 

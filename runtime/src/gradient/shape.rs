@@ -69,6 +69,14 @@ pub(super) fn find(extended: &mut Extended<'_>, of: Differentiated<'_>) -> Resul
     Ok(())
 }
 
+/// Refuses what does not follow a mesh that parameters move, as far as that is known without a run.
+pub(super) fn ahead(extended: &Extended<'_>, script: &ResolvedScript) -> Result<(), Box<Diagnostic>> {
+    if !extended.has_motion() {
+        return Ok(());
+    }
+    limits::check(extended, script, &of_nodes(extended, script)?)
+}
+
 /// By entry of the parameters that change the velocity of each node of the mesh.
 fn of_nodes(extended: &Extended<'_>, script: &ResolvedScript) -> Result<Vec<ByNode>, Box<Diagnostic>> {
     let (scene, n) = (extended.scene, extended.n_live());

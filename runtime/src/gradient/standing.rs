@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use wfl::Diagnostic;
 use wfl_compiler::types::RateOrder;
 
-use super::refused::not_made;
+use super::{Differentiated, refused::not_made, steps::Steps};
 use crate::{
     Outcome, Passed, PassedStep, Trajectory,
     lumped::Probe,
@@ -34,7 +34,10 @@ pub(super) fn of_run(outcome: &Outcome) -> Result<(&Trajectory, Ends), Box<Diagn
 
 /// The equations of a run at one of its steps.
 pub(super) struct Standing<'a, 's> {
+    /// When its steps ended, and what they are.
     pub(super) trajectory: &'a Trajectory,
+    /// The steps themselves.
+    pub(super) steps: Steps<'a>,
     pub(super) solving: Solving<'s>,
     /// By field its values behind the last step.
     last: Vec<Vec<f64>>,
@@ -42,35 +45,39 @@ pub(super) struct Standing<'a, 's> {
 
 impl<'a, 's> Standing<'a, 's> {
     /// A run that has ended, with its equations at its end.
-    pub(super) fn new(trajectory: &'a Trajectory, solving: Solving<'s>) -> Self {
-        Self { trajectory, last: solving.system.data().to_vec(), solving }
+    pub(super) fn new(of: (Differentiated<'a>, &'a Trajectory), solving: Solving<'s>) -> Self {
+        let (of, trajectory) = of;
+        let steps = Steps::new(of, trajectory);
+        Self { trajectory, steps, last: solving.system.data().to_vec(), solving }
     }
 
     /// Brings the equations to what measures read at the end of a step.
     pub(super) fn at_end_of(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
         self.at(n)?;
-        self.put_states_behind(n);
-        let trajectory = self.trajectory;
-        if self.is_within(&trajectory.steps[n]) { self.go_to_end(&trajectory.steps[n]) } else { Ok(()) }
+        self.put_states_behind(n)?;
+        let step = self.steps.step(n)?;
+        if self.is_within(&step) { self.go_to_end(&step) } else { Ok(()) }
     }
 
     /// Brings the states to those behind a step.
-    pub(super) fn put_states_behind(&mut self, n: usize) {
-        let trajectory = self.trajectory;
-        if let Some(next) = trajectory.steps.get(n + 1) {
+    pub(super) fn put_states_behind(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
+        if n + 1 < self.trajectory.steps.len() {
+            let next = self.steps.step(n + 1)?;
             self.put_states(&next.states);
         } else {
             let last = std::mem::take(&mut self.last);
             self.put_states(&last);
             self.last = last;
         }
+        Ok(())
     }
 
     /// Brings the equations to a step: data, states and the past as its equations read them.
     pub(super) fn at(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
-        let steps = &self.trajectory.steps;
-        let step = &steps[n];
-        let (past, at) = match n.checked_sub(1).map(|k| &steps[k]) {
+        // the one before is asked for first: it may be in a part that is computed again
+        let before = n.checked_sub(1).map(|k| self.steps.step(k)).transpose()?;
+        let step = &*self.steps.step(n)?;
+        let (past, at) = match &before {
             Some(past) => (past.at_end(), (past.time, past.increment)),
             None => (self.trajectory.start.as_slice(), (step.time, step.increment)),
         };
@@ -92,8 +99,8 @@ impl<'a, 's> Standing<'a, 's> {
 
     /// The same for an explicit step: rates half a step before its end, and no second ones.
     fn at_explicit(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
-        let step = &self.trajectory.steps[n];
-        let (h, before) = (step.increment, &self.trajectory.steps[n - 1]);
+        let (before, step) = (&*self.steps.step(n - 1)?, &*self.steps.step(n)?);
+        let h = step.increment;
         let mut half = vec![0.0; step.u.len()];
         for of in before.rates.iter().flat_map(Rates::fields) {
             for (k, d) in of.dofs.clone().enumerate() {
@@ -115,19 +122,19 @@ impl<'a, 's> Standing<'a, 's> {
     }
 
     /// Where time starts, first rates as they are and no second ones.
-    pub(super) fn hold_accelerations_zero(&mut self) {
+    pub(super) fn hold_accelerations_zero(&mut self) -> Result<(), Box<Diagnostic>> {
         let n = self.solving.system.numbering.n_dofs;
         let mut first = vec![0.0; n];
-        for of in self.trajectory.steps[0].rates.iter().flat_map(Rates::fields) {
+        for of in self.steps.step(0)?.rates.iter().flat_map(Rates::fields) {
             first[of.dofs.clone()].copy_from_slice(&of.kept[0]);
         }
         self.take_rates(&first, &vec![0.0; n]);
+        Ok(())
     }
 
     /// The rates that mass and damping on the diagonal were found with, where time starts.
     pub(super) fn probes(&mut self, explicit: &Explicit) -> Result<Vec<Probe>, Box<Diagnostic>> {
-        let trajectory = self.trajectory;
-        let step = &trajectory.steps[0];
+        let step = &*self.steps.step(0)?;
         self.at(0)?;
         explicit.lumped.probes(self.solving.system, &step.u, step.time).map_err(|e| not_made(&e.to_string()))
     }

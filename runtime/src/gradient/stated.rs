@@ -36,7 +36,7 @@ pub fn stated(scene: &Scene, script: &ResolvedScript) -> Result<Vec<Request>, Bo
         let (parameters, fields) = (names(&statement.parameters), names(&statement.fields));
         match made.iter_mut().find(|r| r.parameters == parameters && r.fields == fields) {
             Some(same) => same.results.extend(results),
-            None => made.push(Request { results, parameters, fields, together: false }),
+            None => made.push(Request { results, parameters, fields, ..Request::default() }),
         }
     }
     Ok(made)
@@ -93,6 +93,7 @@ impl Gradients {
                     }
                 });
             }
+            known.sides.extend(other.sides);
         }
         others.near.into_iter().for_each(|near| {
             if !self.near.contains(&near) {
@@ -106,6 +107,7 @@ impl Gradients {
         });
         self.solutions += others.solutions;
         self.factorisations += others.factorisations;
+        self.steps_again += others.steps_again;
         self.seconds += others.seconds;
     }
 }

@@ -89,6 +89,12 @@ pub struct GradientReport {
     pub value: Real,
     /// Its derivatives by parameter.
     pub by: OrderedMap<ParameterValue>,
+    /// Those to larger values alone, where they were asked for; left out of the file if empty.
+    #[serde(default, skip_serializing_if = "OrderedMap::is_empty")]
+    pub by_larger: OrderedMap<ParameterValue>,
+    /// Those to smaller values alone; left out of the file if empty.
+    #[serde(default, skip_serializing_if = "OrderedMap::is_empty")]
+    pub by_smaller: OrderedMap<ParameterValue>,
 }
 
 /// One time that an event lasted.

@@ -5,6 +5,7 @@
 //! written in the order of the steps by a thread of their own, so that the solver does not wait for the disc.
 
 mod adaptive;
+mod again;
 mod asked;
 mod attempts;
 mod balance;
@@ -432,6 +433,7 @@ impl Run {
             if !goes_on {
                 break;
             }
+            self.leave_mark(scene);
             let due = writer.is_some_and(|(_, cost)| {
                 let pause = CHECKPOINT_EVERY.max(CHECKPOINT_SHARE * (cost.get() + gathering));
                 several && checkpoint_before.is_none_or(|before| before.elapsed() >= pause)

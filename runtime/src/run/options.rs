@@ -46,6 +46,8 @@ pub struct RunOptions {
     pub keep_states: bool,
     /// Every step stays in memory with all that derivatives of results need: [`super::Outcome::trajectory`].
     pub keep_trajectory: bool,
+    /// What these steps may take in memory: beyond it the first ones are computed again when they are needed.
+    pub trajectory_bytes: Option<u64>,
     /// Numbers of the steps whose outputs stay in memory, see [`super::Outcome::kept`].
     pub keep_outputs: Vec<usize>,
     /// Converged states are judged: digits, equilibrium, conditions of contact. Runs on the way to another one need none.
@@ -74,6 +76,7 @@ impl RunOptions {
             savings: Vec::new(),
             keep_states: false,
             keep_trajectory: false,
+            trajectory_bytes: None,
             keep_outputs: Vec::new(),
             judge: true,
         }

@@ -7,7 +7,7 @@
 use rayon::ThreadPool;
 
 use super::{
-    Asked, Outcome, Progress, Run, RunError, RunOptions, RunState, STACK, StepError, StepResult, folder,
+    Asked, Outcome, Progress, Run, RunError, RunOptions, RunState, STACK, StepError, StepResult, Trajectory, folder,
     leg::Leg,
     rates::{self, StepTime},
     stepping,
@@ -44,6 +44,13 @@ pub struct Standing {
 }
 
 impl Standing {
+    /// Where a run with these options stood behind some steps.
+    pub(super) fn of(scene: &Scene, options: &RunOptions, at: (Vec<StepResult>, RunState, Watched)) -> Self {
+        let (steps, state, watched) = at;
+        let of = folder::identity(scene, options).hash();
+        Self { of, steps, state: Box::new(state), watched, bad: Vec::new() }
+    }
+
     /// The number of steps that were done.
     #[must_use]
     pub fn n_steps(&self) -> usize {
@@ -67,6 +74,16 @@ impl Session {
         let run = Run::new(&mut scene.solving(&mut equations), &options, Hash::of(b""))?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.max(1)).stack_size(STACK).build().ok();
         Ok(Self { run, equations, options, pool, begun: None })
+    }
+
+    /// What the run was told.
+    pub(super) fn options(&self) -> &RunOptions {
+        &self.options
+    }
+
+    /// The steps that derivatives follow, where the options ask for them.
+    pub(super) fn passed(&self) -> Option<&Trajectory> {
+        self.run.stepper.trajectory.as_ref()
     }
 
     /// The steps that were done.

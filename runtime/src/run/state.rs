@@ -67,6 +67,15 @@ pub struct State {
 }
 
 impl State {
+    /// What its numbers take in memory.
+    pub(super) fn bytes(&self) -> u64 {
+        let of = |lists: &[Vec<f64>]| lists.iter().map(Vec::len).sum::<usize>();
+        let contact = &self.memory.contact;
+        let contact = of(&contact.active) + of(&contact.terms) + of(&contact.converged);
+        let numbers = self.u.len() + self.memory.changing.len() + of(&self.memory.states) + contact;
+        8 * (numbers + of(&self.rates.kept) + self.solver.factored.len()) as u64
+    }
+
     /// All unknowns, prescribed ones included, field after field, node after node, component fastest.
     #[must_use]
     pub fn unknowns(&self) -> &[f64] {

@@ -9,7 +9,7 @@ use wfl::SourceMap;
 use wfl_compiler::backend::KernelBackend;
 use wfl_runtime::{
     Outcome, Quiet, RunOptions, Scene,
-    gradient::{Differentiated, Gradients, Request, WantedResult, gradients},
+    gradient::{Differentiated, Gradient, Gradients, Request, ToSides, WantedResult, ahead, gradients},
     output::{
         GradientReport, OrderedMap, OutputDir, OutputError, ParameterValue, Report, write_csv, write_report, write_vtu,
     },
@@ -73,13 +73,43 @@ pub fn numbers(of: &Gradients) -> Vec<(String, f64)> {
     out
 }
 
+/// Derivatives to one side with their names: `Fn_by_E_larger`, `Fn_by_g(2)_smaller`.
+fn sided_numbers(of: &Gradients) -> Vec<(String, f64)> {
+    let mut out = Vec::new();
+    for result in &of.results {
+        for sides in &result.sides {
+            for (word, entries) in [("larger", &sides.larger), ("smaller", &sides.smaller)] {
+                let name = format!("{}_by_{}", result.name, sides.parameter);
+                match entries.as_slice() {
+                    [one] => out.push((format!("{name}_{word}"), *one)),
+                    several => out.extend((1..).zip(several).map(|(k, x)| (format!("{name}({k})_{word}"), *x))),
+                }
+            }
+        }
+    }
+    out
+}
+
+/// The derivatives of a result to larger and to smaller values of a parameter, `g(2)` for the second entry of one of several
+/// numbers; nothing where nobody asked.
+#[must_use]
+pub fn to_sides(of: &Gradient, parameter: &str) -> [Option<f64>; 2] {
+    let (name, entry) = match parameter.strip_suffix(')').and_then(|p| p.split_once('(')) {
+        Some((name, k)) => (name, k.parse::<usize>().map_or(0, |k| k.saturating_sub(1))),
+        None => (parameter, 0),
+    };
+    let mine = || of.sides.iter().filter(|s| s.parameter == name);
+    let find = |f: fn(&ToSides) -> &Vec<f64>| mine().find_map(|s| f(s).get(entry).copied());
+    [find(|s| &s.larger), find(|s| &s.smaller)]
+}
+
 /// Writes derivatives beside the results of a run that has ended, and into its report.
 ///
 /// # Errors
 /// Of the folder.
 pub fn write(folder: &Path, scene: &Scene, of: &Gradients, report: &mut Report) -> Result<(), OutputError> {
     let dir = OutputDir::open(folder)?;
-    let (names, values): (Vec<String>, Vec<f64>) = numbers(of).into_iter().unzip();
+    let (names, values): (Vec<String>, Vec<f64>) = numbers(of).into_iter().chain(sided_numbers(of)).unzip();
     let mut files = Vec::new();
     if !names.is_empty() {
         write_csv(&dir, GRADIENT_FILE, &names, &[values])?;
@@ -150,7 +180,12 @@ fn reported(of: &wfl_runtime::gradient::Gradient) -> GradientReport {
     };
     let by: OrderedMap<ParameterValue> =
         of.parameters.iter().map(|(name, entries)| (name.as_str(), value(entries))).collect();
-    GradientReport { result: of.name.clone(), value: wfl_runtime::output::Real(of.value), by }
+    let side = |f: fn(&ToSides) -> &Vec<f64>| -> OrderedMap<ParameterValue> {
+        let found = of.sides.iter().filter(|s| !f(s).is_empty());
+        found.map(|s| (s.parameter.as_str(), value(f(s)))).collect()
+    };
+    let (by_larger, by_smaller) = (side(|s| &s.larger), side(|s| &s.smaller));
+    GradientReport { result: of.name.clone(), value: wfl_runtime::output::Real(of.value), by, by_larger, by_smaller }
 }
 
 /// What is verified: a scene, its settings, and the derivatives.
@@ -185,6 +220,10 @@ pub struct Compared {
     pub central: f64,
     /// How they agree.
     pub verdict: Verdict,
+    /// The derivative agrees with the difference to larger values, and to smaller ones.
+    pub agrees_with: [bool; 2],
+    /// The derivatives to larger and to smaller values, where they were asked for.
+    pub sides: [Option<f64>; 2],
 }
 
 /// How a derivative agrees with differences.
@@ -194,6 +233,8 @@ pub enum Verdict {
     Agrees,
     /// The result has a kink in the parameter; the derivative is that of one side, or between both.
     Kink,
+    /// The result has a kink in the parameter, and the derivatives to both sides agree with the differences to both.
+    BothSides,
     /// The differences are too rough to say so.
     Unclear,
     /// With neither.
@@ -217,7 +258,7 @@ pub struct Comparison {
 pub fn verify(of: Verified<'_>) -> Result<Comparison, String> {
     let (loaded, scene, outcome) = solved(of, None)?;
     let passed = outcome.trajectory.iter().flat_map(|t| &t.steps);
-    let orders = passed.filter_map(|s| Some((s.time, s.rates.as_ref()?.taken_order()))).collect();
+    let orders = passed.filter_map(|s| Some((s.time, s.order?))).collect();
     let chosen = Chosen { times: outcome.steps.iter().map(|s| s.time).collect(), orders };
     let differentiated = Differentiated {
         scene: &scene,
@@ -245,7 +286,8 @@ pub fn verify(of: Verified<'_>) -> Result<Comparison, String> {
         }
         for (k, gradient) in found.results.iter().enumerate() {
             let Some(derivative) = found.number(&gradient.name, parameter) else { continue };
-            rows.push(compared((&gradient.name, parameter), (derivative, gradient.value), k, &runs));
+            let sides = to_sides(gradient, parameter);
+            rows.push(compared((&gradient.name, parameter), (derivative, gradient.value, sides), k, &runs));
         }
     }
     Ok(Comparison { rows, found, sources: loaded.sources })
@@ -254,19 +296,22 @@ pub fn verify(of: Verified<'_>) -> Result<Comparison, String> {
 /// The changes of a parameter upwards and downwards, and the results of both runs.
 type Pair = ([f64; 2], Vec<f64>, Vec<f64>);
 
-fn compared(names: (&str, &str), at: (f64, f64), k: usize, runs: &[Pair]) -> Compared {
-    let (derivative, value) = at;
+/// The derivative, the value of the result, and the derivatives to both sides.
+type Found = (f64, f64, [Option<f64>; 2]);
+
+fn compared(names: (&str, &str), at: Found, k: usize, runs: &[Pair]) -> Compared {
+    let (derivative, value, sides) = at;
     let of = |(changes, more, less): &Pair| Difference {
         forward: (more[k] - value) / changes[0],
         backward: (value - less[k]) / changes[1],
         central: (more[k] - less[k]) / (changes[0] + changes[1]),
-        noise: ROUNDING * value.abs() / changes[0],
+        noise: ROUNDING * value.abs().max(more[k].abs()).max(less[k].abs()) / changes[0],
     };
     let all: Vec<Difference> = runs.iter().map(of).collect();
     // both sides agree best where neither the change nor rounding is too large
     let apart = |d: &Difference| (d.forward - d.backward).abs();
     let best = *all.iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).expect("two changes");
-    let verdict = |number: fn(&Difference) -> f64| {
+    let judged = |derivative: f64, number: fn(&Difference) -> f64| {
         let found = number(&best);
         let size = derivative.abs().max(found.abs());
         let rough = SPREAD * all.iter().map(|d| (number(d) - found).abs()).fold(0.0, f64::max);
@@ -279,17 +324,27 @@ fn compared(names: (&str, &str), at: (f64, f64), k: usize, runs: &[Pair]) -> Com
             Verdict::Disagrees
         }
     };
-    let one_side = [verdict(|d| d.forward), verdict(|d| d.backward)].contains(&Verdict::Agrees);
+    let verdict = |number| judged(derivative, number);
+    let of_sides: [fn(&Difference) -> f64; 2] = [|d| d.forward, |d| d.backward];
+    let agrees_with = of_sides.map(|number| verdict(number) == Verdict::Agrees);
+    let one_side = agrees_with.contains(&true);
     // differences to both sides that are apart for every change are those of a kink
     let is_kink = |d: &Difference| apart(d) > KINK * d.forward.abs().max(d.backward.abs()).max(d.noise);
     let between = all.iter().all(|d| is_kink(d) && (derivative - d.forward) * (derivative - d.backward) < 0.0);
+    let wrong_side = [0, 1]
+        .into_iter()
+        .any(|k| sides[k].is_some_and(|derivative| judged(derivative, of_sides[k]) == Verdict::Disagrees));
     let verdict = match verdict(|d| d.central) {
-        Verdict::Disagrees if one_side || between => Verdict::Kink,
+        _ if wrong_side => Verdict::Disagrees,
+        Verdict::Disagrees if one_side || between => match sides {
+            [Some(_), Some(_)] => Verdict::BothSides,
+            _ => Verdict::Kink,
+        },
         of_both => of_both,
     };
     let Difference { forward, backward, central, .. } = best;
     let (result, parameter) = (names.0.to_owned(), names.1.to_owned());
-    Compared { result, parameter, derivative, forward, backward, central, verdict }
+    Compared { result, parameter, derivative, forward, backward, central, verdict, agrees_with, sides }
 }
 
 /// Differences of a result for one change of a parameter.
@@ -332,6 +387,9 @@ fn solved(of: Verified<'_>, other: Option<(&str, f64, &Chosen)>) -> Result<(Load
         let errors = loaded.messages.iter().filter(|d| d.is_error());
         return Err(errors.map(|d| wfl::render(d, &loaded.sources, false)).collect::<Vec<_>>().join("\n"));
     };
+    if other.is_none() {
+        ahead(&scene, &loaded.script, of.request).map_err(|d| wfl::render(&d, &loaded.sources, false))?;
+    }
     if let Some((_, _, chosen)) = other.filter(|_| scene.steps.auto.is_some() || scene.explicit.is_some()) {
         scene.follow_steps(&chosen.times, chosen.orders.clone()).map_err(|e| format!("{e}\n"))?;
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use wfl_compiler::Class;
 
 use super::{ActiveSet, Branches, FIXED, Numbering, System, pattern};
-use crate::assemble::{AssembledTerm, TermError};
+use crate::assemble::{AssembledTerm, FieldValues, TermError};
 use crate::frames::Frames;
 use crate::share::Share;
 use wfl_sparse::csr::{Csr, CsrError, Pattern, Restriction};
@@ -58,6 +58,17 @@ pub struct Tangent {
     scene_axes: Option<Csr>,
     /// Where its pattern follows images.
     pub(super) images: Option<OfImages>,
+}
+
+/// A term in the place of one of a system.
+#[derive(Clone, Copy)]
+pub struct StandIn<'a> {
+    /// The position of that one.
+    pub term: usize,
+    /// The other one.
+    pub form: &'a AssembledTerm,
+    /// What it reads.
+    pub values: FieldValues<'a>,
 }
 
 /// What a tangent keeps whose pattern follows images.
@@ -156,7 +167,42 @@ impl System {
             return result;
         }
         let matrix = out.scene_axes.as_mut().unwrap_or(&mut out.changing);
-        let result = self.add_tangents(u, branches, matrix);
+        let result = self.add_tangents(u, branches, &[], matrix);
+        self.turned(out, result)
+    }
+
+    /// The same as the terms are written, with others in the places of some; [`Self::find_place`] has found theirs.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place; `out` is zero then.
+    pub fn tangent_with(&self, u: &[f64], others: &[StandIn<'_>], out: &mut Tangent) -> Result<(), TermError> {
+        let matrix = out.scene_axes.as_mut().unwrap_or(&mut out.changing);
+        let result = self.add_tangents(u, Branches::AsWritten, others, matrix);
+        self.turned(out, result)
+    }
+
+    /// Finds where a term that is none of this system stands in its tangents; false where it couples what the terms of the
+    /// system do not.
+    pub fn find_place(&self, term: &mut AssembledTerm) -> bool {
+        let (pattern, rows) = match &self.scene_axes {
+            Some(axes) => (&axes.pattern, &axes.rows),
+            None => (&self.changing, &self.numbering.free),
+        };
+        let mut fits = true;
+        term.for_each_entity(|tests, trials| {
+            let numbers = |dofs: &[u32]| dofs.iter().map(|d| rows[*d as usize]).filter(|k| *k != FIXED).collect();
+            let (tests, trials): (Vec<u32>, Vec<u32>) = (numbers(tests), numbers(trials));
+            let has = |row: u32, column: u32| pattern.position(row as usize, column as usize).is_some();
+            fits &= tests.iter().all(|row| trials.iter().all(|column| has(*row, *column)));
+        });
+        if fits {
+            term.locate(pattern, rows);
+        }
+        fits
+    }
+
+    /// Brings what was assembled into local frames.
+    fn turned(&self, out: &mut Tangent, result: Result<(), TermError>) -> Result<(), TermError> {
         if let (Some(turned), Some(axes)) = (&mut out.scene_axes, &self.scene_axes) {
             self.numbering.frames.turn_matrix(turned, |d| axes.rows[d] as usize);
             axes.map.apply_into(turned, out.changing.values_mut());
@@ -168,14 +214,23 @@ impl System {
         result
     }
 
-    fn add_tangents(&self, u: &[f64], branches: Branches<'_>, matrix: &mut Csr) -> Result<(), TermError> {
+    fn add_tangents(
+        &self,
+        u: &[f64],
+        branches: Branches<'_>,
+        others: &[StandIn<'_>],
+        matrix: &mut Csr,
+    ) -> Result<(), TermError> {
         let values = match branches {
             Branches::AsWritten => self.values(u),
             Branches::Frozen(active) => self.values_with(u, active),
         };
         let is_frozen = matches!(branches, Branches::Frozen(_));
         let mut is_new = true;
-        for (k, term) in self.terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear) {
+        let changes = |k: usize| self.terms[k].law.class >= Class::Nonlinear;
+        let stays = |k: &usize| others.iter().all(|other| other.term != *k);
+        for k in (0..self.terms.len()).filter(|k| changes(*k) && stays(k)) {
+            let term = &self.terms[k];
             let frozen = self.frozen.iter().find(|f| is_frozen && f.term == k);
             let term = frozen.map_or(term, |f| &f.form);
             match std::mem::take(&mut is_new) {
@@ -185,6 +240,9 @@ impl System {
         }
         if is_new {
             matrix.values_mut().fill(0.0);
+        }
+        for other in others.iter().filter(|other| changes(other.term)) {
+            other.form.add_tangent(&self.mesh, other.values, matrix.values_mut())?;
         }
         Ok(())
     }

@@ -311,7 +311,20 @@ class Result(Mapping[str, Any]):
 
     def value_and_gradient(self, result: str, parameters: Sequence[str]) -> tuple[float, dict[str, float | Array]]:
         """The value of a result, and its derivatives as :meth:`gradient` has them."""
-        return self._followed(self._outcome.gradient(self._native, result, ", ".join(parameters)))
+        return self._followed(self._outcome.gradient(self._native, result, ", ".join(parameters), ""))
+
+    def one_sided(self, result: str, parameters: Sequence[str]) -> dict[str, tuple[float | Array, float | Array]]:
+        """By parameter the derivatives of a result where the parameter grows and where it falls: two slopes, which differ where
+        points are between two branches (W660), and are those of :meth:`gradient` elsewhere.
+        """
+        names = ", ".join(parameters)
+        told = self._outcome.gradient(self._native, result, names, names)
+        _warn(told)
+        made: dict[str, tuple[float | Array, float | Array]] = {}
+        for name, both in told["sides"].items():
+            larger, smaller = (float(x[0]) if len(x) == 1 else x for x in (both["larger"], both["smaller"]))
+            made[name] = (larger, smaller)
+        return made
 
     def jacobian(self, measures: Sequence[str], parameters: Sequence[str]) -> Array:
         """The derivatives of measures at all steps, shape ``(steps, measures, entries)``: entries are those of the

@@ -22,8 +22,7 @@ impl Backwards<'_, '_> {
         start: &mut Cotangent,
         sum: &mut Sums,
     ) -> Result<(), Box<Diagnostic>> {
-        let trajectory = self.standing.trajectory;
-        let step = &trajectory.steps[0];
+        let step = &*self.standing.steps.step(0)?;
         let n_dofs = start.u.len();
         if let Some(explicit) = self.standing.solving.explicit.clone() {
             self.of_explicit_start(&explicit, start, sum)?;
@@ -59,7 +58,7 @@ impl Backwards<'_, '_> {
 
     /// First rates that are given, and both of prescribed values.
     fn of_given_rates(&self, rates: &AtStart, sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
-        let step = &self.standing.trajectory.steps[0];
+        let step = &*self.standing.steps.step(0)?;
         let numbering = &self.standing.solving.system.numbering;
         let [first_fixed, first] = parted(numbering, &rates.first);
         let [second_fixed, _] = parted(numbering, &rates.second);

@@ -108,8 +108,7 @@ impl Backwards<'_, '_> {
         start: &mut Cotangent,
         sum: &mut Sums,
     ) -> Result<(), Box<Diagnostic>> {
-        let trajectory = self.standing.trajectory;
-        let step = &trajectory.steps[0];
+        let step = &*self.standing.steps.step(0)?;
         let followed = self.by_dof(&start.kept).second;
         let acceleration =
             self.by_dof(&step.rates.as_ref().map_or_else(Kept::new, |r| r.kept_at(&step.u, &step.u))).second;
@@ -117,7 +116,7 @@ impl Backwards<'_, '_> {
         let weight = |(d, a): (usize, &f64)| if free[d] { -a / explicit.lumped.mass[d] } else { 0.0 };
         let weights: Vec<f64> = followed.iter().enumerate().map(weight).collect();
         weights.iter().enumerate().for_each(|(d, w)| sum.lumped.mass[d] += w * acceleration[d]);
-        self.standing.hold_accelerations_zero();
+        self.standing.hold_accelerations_zero()?;
         self.laws.set_step(self.standing.step_of(step.time, step));
         let by_field = self.by_test_field(&weights);
         self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &by_field)?;
@@ -137,8 +136,7 @@ impl Backwards<'_, '_> {
 
     /// What mass and damping follow of the parameters: with the rate one in a component of a field, the sums of rows.
     fn of_lumped(&mut self, explicit: &Explicit, start: &mut Cotangent, sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
-        let trajectory = self.standing.trajectory;
-        let step = &trajectory.steps[0];
+        let step = &*self.standing.steps.step(0)?;
         for probe in self.standing.probes(explicit)? {
             let weights = if probe.order == RateOrder::First { &sum.lumped.damping } else { &sum.lumped.mass };
             let weights: Vec<f64> = weights.iter().zip(&probe.signs).map(|(w, sign)| w * sign).collect();

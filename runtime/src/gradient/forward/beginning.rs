@@ -13,8 +13,7 @@ impl Forwards<'_, '_> {
     /// Moves the rates where time starts: first rates that are given, those of prescribed values, and the highest ones, which
     /// the equations give.
     pub(super) fn beginning(&mut self, beginning: &Beginning, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
-        let trajectory = self.standing.trajectory;
-        let step = &trajectory.steps[0];
+        let step = &*self.standing.steps.step(0)?;
         let n_dofs = one.before.u.len();
         let mut moved = AtStart { first: vec![0.0; n_dofs], second: vec![0.0; n_dofs] };
         for (field, formula) in &self.formulas.rates {

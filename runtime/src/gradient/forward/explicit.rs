@@ -57,6 +57,7 @@ impl Forwards<'_, '_> {
         let within = AtStart { second: vec![0.0; half.len()], first: half };
         let held = self.standing.rates().expect("explicit steps have rates");
         one.rates = Some(held.with_behind(&held.along(&kept(&self.standing, &within)), self.extended.n));
+        self.look(step, one);
         let forces = self.residual(step, one)?;
         self.states(step, one);
         let acceleration = step.rates.as_ref().map_or_else(Kept::new, |r| r.kept_at(&step.u, &step.u));
@@ -79,8 +80,7 @@ impl Forwards<'_, '_> {
     /// What mass and damping do along a direction, and the accelerations where time starts, which are forces over the mass;
     /// `one` has moved prescribed and given rates.
     pub(super) fn explicit_start(&mut self, explicit: &Explicit, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
-        let trajectory = self.standing.trajectory;
-        let step = &trajectory.steps[0];
+        let step = &*self.standing.steps.step(0)?;
         let n = one.before.u.len();
         (one.mass, one.damping) = (vec![0.0; n], vec![0.0; n]);
         let still = self.standing.rates().map_or_else(Kept::new, Rates::nothing);
@@ -100,7 +100,7 @@ impl Forwards<'_, '_> {
             by_dof(&self.standing, &step.rates.as_ref().map_or_else(Kept::new, |r| r.kept_at(&step.u, &step.u)));
         let mut moved = by_dof(&self.standing, &one.before.kept);
         let free: Vec<bool> = self.standing.solving.system.numbering.free.iter().map(|f| *f != FIXED).collect();
-        self.standing.hold_accelerations_zero();
+        self.standing.hold_accelerations_zero()?;
         self.laws.set_step(self.standing.step_of(step.time, step));
         let held = self.standing.rates().expect("explicit steps have rates");
         let rates = AtStart { first: moved.first.clone(), second: vec![0.0; n] };
