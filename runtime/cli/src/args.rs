@@ -370,6 +370,9 @@ pub(crate) struct ReportArgs {
 pub(crate) struct CheckArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
+    /// Print all tables: sizes of regions with their statements, rules and classes of terms, parameters, Newton's schedule
+    #[arg(long)]
+    pub(crate) all: bool,
     /// Print JSON: the same tables, each a list of objects
     #[arg(long)]
     pub(crate) json: bool,
