@@ -114,7 +114,11 @@ mod tests {
         let error = |(code, at): &(Code, &str)| {
             let start = SCENE.find(at).expect("a place");
             let span = Span { source: id, start: start as u32, end: (start + at.len()) as u32 };
-            Diagnostic::new(*code, format!("about {at}")).at(span, "")
+            Diagnostic::new(
+                *code,
+                if *code == Code::E408 { "the corners of a box".to_owned() } else { format!("about {at}") },
+            )
+            .at(span, "")
         };
         let list: Vec<Diagnostic> = errors.iter().map(error).collect();
         let (told, _) = one_per_cause(&list, &sources);

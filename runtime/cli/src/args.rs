@@ -54,7 +54,7 @@ pub(crate) enum Command {
     Report(ReportArgs),
     /// Draw a field of a run: the deformed bodies, a cut, a profile, the state of contact, as PNG or SVG
     #[command(after_help = PLOT_HELP)]
-    Plot(PlotArgs),
+    Plot(Box<PlotArgs>),
     /// Tell what a mesh file holds: cells, regions and their sizes, quality, contact pairs of a deck; draw it
     #[command(after_help = MESH_HELP)]
     Mesh(MeshArgs),

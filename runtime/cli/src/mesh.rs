@@ -66,10 +66,10 @@ fn told(args: &MeshArgs) -> Result<(), String> {
 
 /// Writes the pictures that are asked for.
 fn drawn(args: &MeshArgs, mesh: &Mesh) -> Result<(), String> {
-    if args.png.is_none() && args.svg.is_none() {
+    if args.png.is_none() && args.svg.is_none() && args.pdf.is_none() {
         return Ok(());
     }
-    plot::endings(&args.png, &args.svg)?;
+    plot::endings(&[(&args.png, "png"), (&args.svg, "svg"), (&args.pdf, "pdf")])?;
     let groups = mesh.groups().iter().filter(|g| matches!(g.entities, GroupEntities::Cells(_))).count();
     let by_itself = if groups > 1 { MeshColours::Regions } else { MeshColours::Angle };
     let colours = args.colours.map_or(by_itself, crate::args_mesh::Colours::of_picture);
@@ -78,6 +78,9 @@ fn drawn(args: &MeshArgs, mesh: &Mesh) -> Result<(), String> {
     let picture = picture.ok_or("error: a mesh of lines is not drawn\n")?;
     if let Some(file) = &args.png {
         plot::write(file, &picture.chart.png().map_err(|e| format!("error: {e}\n"))?)?;
+    }
+    if let Some(file) = &args.pdf {
+        plot::write(file, &picture.chart.pdf().map_err(|e| format!("error: {e}\n"))?)?;
     }
     match &args.svg {
         Some(file) => plot::write(file, picture.chart.svg().as_bytes()),

@@ -10,13 +10,27 @@ const SHOWN: usize = 12;
 
 /// The lines, with the name of what they are about in front of the first of each.
 pub(crate) fn text(loaded: &Loaded, tables: &[Table]) -> String {
-    let find = |name: &str| tables.iter().find(|t| t.name == name);
     let mut lines = Lines::default();
     let mut rows = |label: &'static str, table: &str, words: &dyn Fn(&Row<'_>) -> Option<String>| {
-        let Some(table) = find(table) else { return };
-        let told = (0..table.rows.len()).filter_map(|k| words(&Row { table, k })).collect();
-        lines.push(label, told);
+        let Some(table) = tables.iter().find(|t| t.name == table) else { return };
+        lines.push(label, (0..table.rows.len()).filter_map(|k| words(&Row { table, k })).collect());
     };
+    equations(&mut rows);
+    bodies(&mut rows);
+    rows("measures", "measures", &|r| Some(format!("{}: {} on {}", r.get("name"), r.get("what"), r.get("on"))));
+    rows("outputs", "outputs", &|r| {
+        Some(format!("{} {}: {} files, about {} MB", r.get("format"), r.get("file"), r.get("files"), r.get("about MB")))
+    });
+    lines.push("findings", vec![findings(&loaded.messages)]);
+    let more = "tables: rules and classes of terms, statements of regions, parameters, the schedule of Newton";
+    format!("{}\nwfl check {} --all prints {more}\n", lines.text(), loaded.name)
+}
+
+/// Adds the rows of a table under a label, each in words or not at all.
+type Rows<'r> = dyn FnMut(&'static str, &str, &dyn Fn(&Row<'_>) -> Option<String>) + 'r;
+
+/// What is solved, and how.
+fn equations(rows: &mut Rows<'_>) {
     rows("contact", "contact", &|r| Some(format!("{} on {}: {}", r.get("terms"), r.get("on"), r.get("what it is"))));
     rows("accuracy", "accuracy", &|r| Some(r.all()));
     rows("unknowns", "fields", &|r| {
@@ -38,10 +52,13 @@ pub(crate) fn text(loaded: &Loaded, tables: &[Table]) -> String {
         rows(label, "conditions", &|r| (r.get("kind") == kind).then(|| r.get("statement")));
     }
     rows("steps", "conditions", &|r| {
-        r.get("kind")
-            .ends_with("steps")
-            .then(|| format!("{}: {}", r.get("kind"), r.get("statement").trim_start_matches("steps ")))
+        let (kind, statement) = (r.get("kind"), r.get("statement"));
+        kind.ends_with("steps").then(|| format!("{kind}: {}", statement.trim_start_matches("steps ")))
     });
+}
+
+/// The mesh and its regions.
+fn bodies(rows: &mut Rows<'_>) {
     rows("mesh", "mesh", &|r| {
         let [cells, kind, nodes, from, to] = ["cells", "kind", "nodes", "from", "to"].map(|c| r.get(c));
         Some(format!("{cells} {kind} cells, {nodes} nodes, from [{from}] to [{to}]"))
@@ -51,8 +68,8 @@ pub(crate) fn text(loaded: &Loaded, tables: &[Table]) -> String {
     rows("regions", "regions", &|r| {
         let [name, kind, members, size] = ["name", "kind", "members", "measure"].map(|c| r.get(c));
         let size = if size == "-" { String::new() } else { format!(", measure {size}") };
-        (r.get("statement") != "-" || name != "all" && name != "boundary")
-            .then(|| format!("{name}: {members} {kind}{size}"))
+        let is_built_in = r.get("statement") == "-" && (name == "all" || name == "boundary");
+        (!is_built_in).then(|| format!("{name}: {members} {kind}{size}"))
     });
     rows("normals", "interfaces", &|r| {
         let sheet = r.get("sheet");
@@ -65,16 +82,6 @@ pub(crate) fn text(loaded: &Loaded, tables: &[Table]) -> String {
     rows("tables", "tables", &|r| {
         Some(format!("{}: {} rows from {} to {}", r.get("file"), r.get("rows"), r.get("from"), r.get("to")))
     });
-    rows("measures", "measures", &|r| Some(format!("{}: {} on {}", r.get("name"), r.get("what"), r.get("on"))));
-    rows("outputs", "outputs", &|r| {
-        Some(format!("{} {}: {} files, about {} MB", r.get("format"), r.get("file"), r.get("files"), r.get("about MB")))
-    });
-    lines.push("findings", vec![findings(&loaded.messages)]);
-    format!(
-        "{}\nwfl check {} --all prints tables: rules and classes of terms, statements of regions, parameters, the schedule of Newton\n",
-        lines.text(),
-        loaded.name
-    )
 }
 
 /// Codes of the messages, which are printed above.

@@ -72,17 +72,7 @@ fn read_one(
     };
     match mesh_beside(&bytes, &mut beside) {
         Ok(mesh) => {
-            let twins = &mesh.warnings().duplicate_nodes;
-            if let Some((a, b)) = twins.first() {
-                let [a_at, b_at] = [a, b].map(|n| &mesh.nodes()[n.index()][..mesh.dim()]);
-                let [a, b] = [a, b].map(|n| mesh.numbers().node(*n));
-                let d = Diagnostic::new(
-                    Code::W405,
-                    format!("{} pairs of nodes of one body have the same coordinates but are not joined", twins.len()),
-                );
-                let first = format!("the first pair: {a} at {a_at:?} and {b} at {b_at:?}");
-                diagnostics.push(d.at(*span, first).help("the body is torn there; merge them in the mesh generator"));
-            }
+            diagnostics.extend(torn(&mesh, *span));
             diagnostics.extend(turned(&mesh, *span));
             Some(mesh)
         }
@@ -109,6 +99,20 @@ fn neighbour(path: &str, name: &str) -> String {
         Some((folder, _)) if !name.starts_with('/') => format!("{folder}/{name}"),
         _ => name.to_owned(),
     }
+}
+
+/// W405 for nodes at one place that are not joined.
+fn torn(mesh: &Mesh, span: Span) -> Option<Diagnostic> {
+    let twins = &mesh.warnings().duplicate_nodes;
+    let (a, b) = twins.first()?;
+    let [a_at, b_at] = [a, b].map(|n| &mesh.nodes()[n.index()][..mesh.dim()]);
+    let [a, b] = [a, b].map(|n| mesh.numbers().node(*n));
+    let d = Diagnostic::new(
+        Code::W405,
+        format!("{} pairs of nodes of one body have the same coordinates but are not joined", twins.len()),
+    );
+    let first = format!("the first pair: {a} at {a_at:?} and {b} at {b_at:?}");
+    Some(d.at(span, first).help("the body is torn there; merge them in the mesh generator"))
 }
 
 /// W423 for cells of a file that ran clockwise.

@@ -17,19 +17,28 @@ use crate::{
 /// Shapes that do not fit.
 const SHAPES: &[Code] = &[Code::E101, Code::E102, Code::E103, Code::E104, Code::E108];
 
+/// Statements that cannot be read.
+const SYNTAX: &[Code] = &[Code::E113, Code::E114, Code::E115, Code::E116, Code::E117, Code::E118, Code::E121];
+
 /// What is not there where it is used: sides, normals, fields, points.
 const PLACES: &[Code] = &[Code::E202, Code::E203, Code::E204, Code::E416];
 
 /// What a word means at its place: of several messages at one place the first is enough.
 const MEANINGS: &[Code] = &[Code::E201, Code::E205, Code::E216];
 
-/// Errors of shapes that are compared with each other: who has more does not read them one by one.
+/// Statements with errors of shapes that are compared with each other, and statements of a scene in which that is done: who
+/// has more does not read them one by one.
 const MOST: usize = 200;
+const MOST_STATEMENTS: usize = 2000;
 
-/// A declared name: the words of its declaration, and its line if it is a field.
+/// A declared field or definition.
 struct Declared<'t> {
+    /// What it is made of.
     words: Vec<&'t str>,
-    field: Option<(usize, &'t str)>,
+    is_field: bool,
+    line: usize,
+    /// The first line of its declaration.
+    text: &'t str,
 }
 
 /// Where a message is.
@@ -54,20 +63,31 @@ pub(super) fn left(diagnostics: &[Diagnostic], sources: &SourceMap) -> Vec<Diagn
     let places: Vec<Option<Place<'_>>> = diagnostics.iter().map(|d| place(d, &cuts, sources)).collect();
     let causes = Causes::of(diagnostics, &places);
     let mut told: Vec<(usize, Diagnostic)> = Vec::new();
-    let mut meant: BTreeSet<(SourceId, u32)> = BTreeSet::new();
+    let mut meant = BTreeSet::new();
     for (k, (d, place)) in diagnostics.iter().zip(&places).enumerate() {
         if !d.is_error() {
             told.push((k, d.clone()));
             continue;
         }
-        let of_a_place = [SHAPES, PLACES, MEANINGS].iter().any(|codes| codes.contains(&d.code));
-        let start = d.labels.first().filter(|_| of_a_place).map(|l| (l.span.source, l.span.start));
-        let follows = place.is_some_and(|place| causes.explain(d.code, place));
-        if !follows && start.is_none_or(|start| meant.insert(start)) {
+        let follows = place.is_some_and(|place| causes.explain(d.code, place)) || causes.lost(d);
+        if !follows && same_place(d, *place).is_none_or(|start| meant.insert(start)) {
             told.push((k, d.clone()));
         }
     }
+    if !told.iter().any(|(_, d)| d.is_error()) {
+        // two that would explain each other: nothing is left out
+        return diagnostics.to_vec();
+    }
     shapes_together(told, &places, &cuts, sources)
+}
+
+/// Where the first of several messages is enough: the same place, and for what is not there the same statement.
+fn same_place(d: &Diagnostic, place: Option<Place<'_>>) -> Option<(SourceId, usize, bool)> {
+    if PLACES.contains(&d.code) {
+        return place.map(|place| (place.source, place.statement, true));
+    }
+    let of_a_place = SHAPES.contains(&d.code) || MEANINGS.contains(&d.code);
+    d.labels.first().filter(|_| of_a_place).map(|l| (l.span.source, l.span.start as usize, false))
 }
 
 fn place<'t>(
@@ -111,13 +131,30 @@ struct Causes<'t> {
     heads: BTreeMap<&'t str, BTreeSet<Code>>,
     /// The same of each statement.
     statements: BTreeMap<(SourceId, usize), BTreeSet<Code>>,
+    /// The second words of statements that cannot be read: what they would have declared, perhaps.
+    unread: Vec<&'t str>,
+    /// Some region is unknown.
+    region: bool,
+    /// The corners of the box do not say which dimension the space has.
+    dimension: bool,
 }
 
 impl<'t> Causes<'t> {
     fn of(diagnostics: &[Diagnostic], places: &[Option<Place<'t>>]) -> Self {
-        let mut causes = Causes { heads: BTreeMap::new(), statements: BTreeMap::new() };
+        let mut causes = Causes {
+            heads: BTreeMap::new(),
+            statements: BTreeMap::new(),
+            unread: Vec::new(),
+            region: false,
+            dimension: false,
+        };
         for (d, place) in diagnostics.iter().zip(places).filter(|(d, _)| d.is_error()) {
+            causes.dimension |= d.code == Code::E408 && d.message.starts_with("the corners of a box");
+            causes.region |= d.code == Code::E201 && d.message.starts_with("unknown region");
             if let Some(place) = place {
+                if SYNTAX.contains(&d.code) {
+                    causes.unread.extend(words(place.text).nth(1));
+                }
                 causes.heads.entry(place.head).or_default().insert(d.code);
                 causes.statements.entry((place.source, place.statement)).or_default().insert(d.code);
             }
@@ -130,77 +167,105 @@ impl<'t> Causes<'t> {
         heads.iter().filter_map(|head| self.heads.get(head)).flatten().any(|code| !but.contains(code))
     }
 
+    /// True if a name may be one that a statement which cannot be read declares: `sn` of `def snv) = ..`, `water_lost` of
+    /// a balance `water`, `energy_heat` of a term `heat`.
+    fn lost(&self, d: &Diagnostic) -> bool {
+        let quoted = || d.message.split('`').nth(1);
+        let Some(name) = d.about.as_deref().or_else(quoted).filter(|_| [Code::E201, Code::E216].contains(&d.code))
+        else {
+            return false;
+        };
+        let part = |whole: &str, word: &str| {
+            whole.strip_prefix(word).is_some_and(|rest| rest.starts_with('_'))
+                || whole.strip_suffix(word).is_some_and(|rest| rest.ends_with('_'))
+        };
+        let energy = name.starts_with("energy_") && self.any(&["term", "energy", "def"], &[]);
+        energy || self.unread.iter().any(|word| word.starts_with(name) || part(name, word))
+    }
+
     /// True if an error of this code at this place follows from others.
     fn explain(&self, code: Code, place: Place<'_>) -> bool {
-        // without a mesh the space has no dimension; a formula of it is told by the same codes
-        let of_dimension = SHAPES.contains(&code) || code == Code::E205;
-        if of_dimension && place.head != "mesh" {
-            return self.any(&["mesh"], &[Code::E205]);
+        let own = |codes: &[Code]| {
+            let there = self.statements.get(&(place.source, place.statement));
+            there.is_some_and(|there| there.iter().any(|code| codes.contains(code)))
+        };
+        if self.dimension && (SHAPES.contains(&code) || [Code::E205, Code::E501].contains(&code)) {
+            return true;
         }
-        if code == Code::E425 {
-            return self.any(&["term", "energy", "region", "unknown", "def"], &[Code::E425]);
+        match code {
+            Code::E425 => self.any(&["term", "energy", "region", "unknown", "def"], &[Code::E425]),
+            // a reaction without the prescribed values or the unknown that it is of
+            Code::E460 => {
+                self.heads.values().flatten().any(|code| SYNTAX.contains(code) || *code == Code::E423)
+                    || self.any(&["fix", "region", "unknown"], &[Code::E460])
+            }
+            // a balance of a field that is no scalar, where its terms are told
+            Code::E462 => self.heads.values().flatten().any(|code| SHAPES.contains(code)),
+            Code::E414 => own(&[Code::E201]),
+            Code::E452 => own(&[Code::E457]),
+            code if PLACES.contains(&code) => self.explains_places(code, place),
+            _ => false,
         }
-        if code == Code::E460 {
-            return self.any(&["fix", "region"], &[Code::E460]);
-        }
-        if !PLACES.contains(&code) {
-            return false;
-        }
-        let own = self.statements.get(&(place.source, place.statement));
+    }
+
+    fn explains_places(&self, code: Code, place: Place<'_>) -> bool {
         let but = [PLACES, &[Code::E425, Code::E460]].concat();
-        let beside = own.is_some_and(|codes| codes.iter().any(|code| !but.contains(code)));
+        let there = self.statements.get(&(place.source, place.statement));
+        let beside = there.is_some_and(|codes| codes.iter().any(|code| !but.contains(code)));
         // points of integration are those of the statements that integrate
         let points =
             [Code::E202, Code::E416].contains(&code) && self.any(&["term", "energy", "quadrature", "state"], &but);
-        beside || points || self.any(&["region", "def", "unknown", "mesh"], &but)
+        beside || points || self.region || self.any(&["region", "def", "unknown", "mesh"], &but)
     }
 }
 
 /// Errors of shapes of one cause.
 struct Group<'t> {
-    /// The fields that all of their statements have.
-    fields: BTreeSet<&'t str>,
+    /// The declarations that all of their statements read.
+    names: BTreeSet<&'t str>,
     /// The place of the first in the list.
     first: usize,
     /// The lines of the others.
     lines: BTreeSet<usize>,
 }
 
-/// Shapes that do not fit in statements of the same field become one message.
+/// Shapes that do not fit in statements of the same declaration become one message, where that is what is wrong.
 fn shapes_together(
     told: Vec<(usize, Diagnostic)>,
     places: &[Option<Place<'_>>],
     cuts: &BTreeMap<SourceId, Vec<std::ops::Range<usize>>>,
     sources: &SourceMap,
 ) -> Vec<Diagnostic> {
-    if told.iter().filter(|(_, d)| d.is_error() && SHAPES.contains(&d.code)).count() < 2 {
+    let of_shape = |(k, d): &(usize, Diagnostic)| places[*k].filter(|_| d.is_error() && SHAPES.contains(&d.code));
+    let wrong: BTreeSet<(SourceId, usize)> =
+        told.iter().filter_map(of_shape).map(|place| (place.source, place.statement)).collect();
+    if wrong.len() < 2 || wrong.len() > MOST || cuts.values().map(Vec::len).sum::<usize>() > MOST_STATEMENTS {
         return told.into_iter().map(|(_, d)| d).collect();
     }
     let declared = declarations(cuts, sources);
+    let suspects = suspects(&wrong, &declared, cuts, sources);
     let mut groups: Vec<Group<'_>> = Vec::new();
     let mut out: Vec<Diagnostic> = Vec::new();
-    let mut looked_at = 0;
     for (k, d) in told {
-        let place = places[k].filter(|_| d.is_error() && SHAPES.contains(&d.code) && looked_at < MOST);
-        looked_at += usize::from(place.is_some());
-        let Some(place) = place else {
-            out.push(d);
-            continue;
-        };
-        let fields = fields_of(place.text, &declared);
-        let same = groups.iter_mut().find(|g| !g.fields.is_disjoint(&fields));
-        match same {
+        let place = places[k].filter(|_| d.is_error() && SHAPES.contains(&d.code));
+        let names: BTreeSet<&str> = place
+            .map(|place| read_by(place.text, &declared))
+            .into_iter()
+            .flatten()
+            .filter(|n| suspects.contains(n))
+            .collect();
+        match groups.iter_mut().find(|g| !g.names.is_disjoint(&names)) {
             Some(group) => {
-                group.fields.retain(|field| fields.contains(field));
+                group.names.retain(|name| names.contains(name));
                 group.lines.extend(d.labels.first().map(|l| sources.line_column(l.span).0));
             }
             None => {
-                groups.push(Group { fields, first: out.len(), lines: BTreeSet::new() });
+                groups.push(Group { names, first: out.len(), lines: BTreeSet::new() });
                 out.push(d);
             }
         }
     }
-    for Group { fields, first, mut lines } in groups {
+    for Group { names, first, mut lines } in groups {
         let d = &mut out[first];
         lines.retain(|line| d.labels.first().is_none_or(|l| sources.line_column(l.span).0 != *line));
         if lines.is_empty() {
@@ -208,12 +273,44 @@ fn shapes_together(
         }
         let list = lines.iter().map(usize::to_string).collect::<Vec<_>>().join(", ");
         let word = if lines.len() == 1 { "line" } else { "lines" };
-        let of = fields.iter().filter_map(|field| declared.get(field)?.field);
-        let of: Vec<String> = of.map(|(line, text)| format!("line {line}: {text}")).collect();
+        // of definitions and fields in them it is the field
+        let fields = names.iter().any(|name| declared[name].is_field);
+        let of = names.iter().map(|name| &declared[name]).filter(|d| d.is_field || !fields);
+        let of: Vec<String> = of.map(|d| format!("line {}: {}", d.line, d.text)).collect();
         d.notes.push(format!("shapes do not fit on {word} {list} either; common to them is {}", of.join(" and ")));
     }
     out
 }
+
+/// Declarations that may be what is wrong: as many statements that read them have an error of shapes as have none. Three
+/// errors are seldom made one by one, and measures of a norm or of a component fit any shape: a quarter is enough then.
+fn suspects<'t>(
+    wrong: &BTreeSet<(SourceId, usize)>,
+    declared: &BTreeMap<&'t str, Declared<'t>>,
+    cuts: &BTreeMap<SourceId, Vec<std::ops::Range<usize>>>,
+    sources: &'t SourceMap,
+) -> BTreeSet<&'t str> {
+    let mut readers: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
+    for (source, ranges) in cuts {
+        let all: &str = &sources.get(*source).text;
+        for (k, range) in ranges.iter().enumerate() {
+            let Some(text) = all.get(range.clone()).map(without_comments) else { continue };
+            // what only names a field or writes it says nothing of its shape
+            if words(text).next().is_none_or(|head| DECLARE.contains(&head) || head == "def" || head == "output") {
+                continue;
+            }
+            for name in read_by(text, declared) {
+                let count = readers.entry(name).or_default();
+                count[usize::from(wrong.contains(&(*source, k)))] += 1;
+            }
+        }
+    }
+    let is_wrong = |right: usize, wrong: usize| wrong > 1 && wrong >= right || wrong > 2 && 3 * wrong >= right;
+    readers.into_iter().filter(|(_, [right, wrong])| is_wrong(*right, *wrong)).map(|(name, _)| name).collect()
+}
+
+/// Statements that declare fields.
+const DECLARE: &[&str] = &["unknown", "multiplier", "state", "data"];
 
 /// What the texts declare: fields, and definitions with what they are made of.
 fn declarations<'t>(
@@ -223,24 +320,22 @@ fn declarations<'t>(
     let mut declared = BTreeMap::new();
     for (source, ranges) in cuts {
         let all: &str = &sources.get(*source).text;
-        let mut line = 1;
-        let mut counted = 0;
+        let (mut line, mut counted) = (1, 0);
         for range in ranges {
             let Some(text) = all.get(range.clone()).map(without_comments) else { continue };
             line += all[counted..range.start].matches('\n').count();
             counted = range.start;
+            let shown = text.lines().next().unwrap_or("").split('#').next().unwrap_or("").trim();
             let mut list = words(text);
             match list.next() {
-                Some("unknown" | "multiplier" | "state" | "data") => {
-                    let names = text.split(':').next().unwrap_or("");
-                    let shown = text.lines().next().unwrap_or("").split('#').next().unwrap_or("").trim();
-                    for name in words(names).skip(1) {
-                        declared.insert(name, Declared { words: Vec::new(), field: Some((line, shown)) });
+                Some(head) if DECLARE.contains(&head) => {
+                    for name in words(text.split(':').next().unwrap_or("")).skip(1) {
+                        declared.insert(name, Declared { words: Vec::new(), is_field: true, line, text: shown });
                     }
                 }
                 Some("def") => {
                     if let Some(name) = list.next() {
-                        declared.insert(name, Declared { words: list.collect(), field: None });
+                        declared.insert(name, Declared { words: list.collect(), is_field: false, line, text: shown });
                     }
                 }
                 _ => {}
@@ -250,18 +345,16 @@ fn declarations<'t>(
     declared
 }
 
-/// The fields that a statement reads, through definitions too.
-fn fields_of<'t>(text: &'t str, declared: &BTreeMap<&'t str, Declared<'t>>) -> BTreeSet<&'t str> {
-    let mut fields = BTreeSet::new();
+/// The declarations that a statement reads, through definitions too.
+fn read_by<'t>(text: &'t str, declared: &BTreeMap<&'t str, Declared<'t>>) -> BTreeSet<&'t str> {
     let mut seen = BTreeSet::new();
     let mut open: Vec<&str> = words(text).collect();
     while let Some(word) = open.pop() {
         let name = split_prefixes(word).1;
-        let Some(found) = declared.get(name).filter(|_| seen.insert(name)) else { continue };
-        if found.field.is_some() {
-            fields.insert(name);
+        if let Some((name, found)) = declared.get_key_value(name).filter(|(name, _)| !seen.contains(*name)) {
+            seen.insert(*name);
+            open.extend(&found.words);
         }
-        open.extend(&found.words);
     }
-    fields
+    seen
 }
