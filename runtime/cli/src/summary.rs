@@ -23,7 +23,7 @@ pub(crate) fn text(loaded: &Loaded, tables: &[Table]) -> String {
     });
     lines.push("findings", vec![findings(&loaded.messages)]);
     let more = "tables: rules and classes of terms, statements of regions, parameters, the schedule of Newton";
-    format!("{}\nwfl check {} --all prints {more}\n", lines.text(), loaded.name)
+    format!("{}\nwith --all: {more}\n", lines.text())
 }
 
 /// Adds the rows of a table under a label, each in words or not at all.
@@ -46,7 +46,9 @@ fn equations(rows: &mut Rows<'_>) {
     rows("terms", "terms", &|r| {
         let [name, class, rule] = ["name", "class", "rule"].map(|c| r.get(c));
         // loads are told as statements
-        (!name.starts_with("load")).then(|| format!("{name} on {}: {class}, {rule}", r.get("on")))
+        let on = format!(" on {}", r.get("on"));
+        let name_on = if name.ends_with(&on) { name.clone() } else { format!("{name}{on}") };
+        (!name.starts_with("load")).then(|| format!("{name_on}: {class}, {rule}"))
     });
     for (label, kind) in [("fixed", "fixed"), ("loads", "load"), ("start", "start")] {
         rows(label, "conditions", &|r| (r.get("kind") == kind).then(|| r.get("statement")));
