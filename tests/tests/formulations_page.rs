@@ -74,7 +74,7 @@ fn every_formulation_gives_its_closed_form() {
 #[test]
 fn every_macro_of_the_standard_library_is_on_the_page() {
     let page = page();
-    for file in ["contact", "elasticity", "poro", "sliding"] {
+    for file in ["contact", "elasticity", "polar", "poro", "sliding"] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../wfl/std/{file}.wfl"));
         let text = fs::read_to_string(path).expect("the library is in the repository");
         for line in text.lines() {

@@ -3,12 +3,10 @@
 //! User text never ends in a panic or a bare string: it gives [`Checked`], a value if there is one and every
 //! diagnostic found on the way.
 
-use std::collections::BTreeMap;
-
 use crate::{
     codes::{Code, Severity},
     fix::Fix,
-    source::{SourceMap, Span},
+    source::Span,
 };
 
 /// A place with what is to be said about it (may be empty).
@@ -186,80 +184,6 @@ impl<T> Checked<T> {
         sink.extend(self.diagnostics);
         if bad { None } else { self.value }
     }
-}
-
-/// Codes of messages about one word or sign: the same message at another place has the same cause.
-const OF_A_WORD: &[Code] = &[Code::E107, Code::E118, Code::E128, Code::E201, Code::E216];
-
-/// The messages with those of one cause made one: the first stays, and names the lines of the others. Of each code a
-/// hundred are told; the second list says how many more there are. Linear in the number of messages.
-#[must_use]
-pub fn one_per_cause(diagnostics: &[Diagnostic], sources: &SourceMap) -> (Vec<Diagnostic>, Vec<(Code, usize)>) {
-    let mut kept: Vec<Cause<'_>> = Vec::new();
-    let mut by_code: BTreeMap<Code, (Vec<usize>, usize)> = BTreeMap::new();
-    for d in diagnostics {
-        let (known, more) = by_code.entry(d.code).or_default();
-        let same = known.iter().find(|k| kept[**k].first == d || same_cause(kept[**k].first, d));
-        match same {
-            Some(k) if kept[*k].first == d => {}
-            Some(k) if kept[*k].others.len() < MOST_OF_A_CODE => {
-                kept[*k].others.extend(d.labels.first().map(|l| l.span));
-            }
-            Some(k) => kept[*k].more += 1,
-            None if known.len() == MOST_OF_A_CODE => *more += 1,
-            None => {
-                known.push(kept.len());
-                kept.push(Cause { first: d, others: Vec::new(), more: 0 });
-            }
-        }
-    }
-    let told = kept.into_iter().map(|c| with_other_lines(c.first.clone(), &c.others, c.more, sources)).collect();
-    (told, by_code.into_iter().map(|(code, (_, more))| (code, more)).filter(|(_, more)| *more > 0).collect())
-}
-
-/// Causes of one code that are told, and places of one cause that are looked at: who has more does not read them one by one.
-const MOST_OF_A_CODE: usize = 100;
-
-/// A message with the places of others of the same cause, and how many more there are.
-struct Cause<'d> {
-    first: &'d Diagnostic,
-    others: Vec<Span>,
-    more: usize,
-}
-
-fn same_cause(a: &Diagnostic, b: &Diagnostic) -> bool {
-    /// The place in a macro that two uses of it share.
-    fn origin(d: &Diagnostic) -> Option<Span> {
-        let inside = |l: &&Label| l.text.starts_with("inside the definition of");
-        d.labels.iter().skip(1).find(inside).map(|l| l.span)
-    }
-    if a.code != b.code || a.message != b.message {
-        return false;
-    }
-    let of_word = OF_A_WORD.contains(&a.code) && a.helps == b.helps;
-    of_word || a.is_error() && origin(a).is_some() && origin(a) == origin(b)
-}
-
-/// The message with the lines of `more`, and how many `further` places there are.
-fn with_other_lines(d: Diagnostic, more: &[Span], further: usize, sources: &SourceMap) -> Diagnostic {
-    /// Lines that are named.
-    const NAMED: usize = 12;
-    let first = d.labels.first().map(|l| (l.span.source, sources.line_column(l.span).0));
-    let mut lines: Vec<usize> = Vec::new();
-    for span in more.iter().filter(|s| first.is_some_and(|f| f.0 == s.source)) {
-        let line = sources.line_column(*span).0;
-        if first != Some((span.source, line)) && !lines.contains(&line) {
-            lines.push(line);
-        }
-    }
-    if lines.is_empty() {
-        return d;
-    }
-    let rest = lines.len().saturating_sub(NAMED) + further;
-    let named: Vec<String> = lines.iter().take(NAMED).map(usize::to_string).collect();
-    let word = if lines.len() == 1 { "line" } else { "lines" };
-    let rest = if rest > 0 { format!(" and {rest} more") } else { String::new() };
-    d.note(format!("also on {word} {}{rest}", named.join(", ")))
 }
 
 /// The name in `known` nearest to `word` by edit distance, if it is near enough to be offered.

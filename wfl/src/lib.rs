@@ -15,6 +15,7 @@
 #![forbid(unsafe_code)]
 
 pub mod ast;
+mod causes;
 mod codes;
 mod diag;
 mod edits;
@@ -42,8 +43,9 @@ mod units;
 mod walk;
 mod words;
 
+pub use causes::one_per_cause;
 pub use codes::{Code, CodePage, Severity, codes, explain};
-pub use diag::{Checked, Diagnostic, Label, nearest, one_per_cause};
+pub use diag::{Checked, Diagnostic, Label, nearest};
 pub use edits::{Edit, edits};
 pub use fix::Fix;
 pub use fmt::format;

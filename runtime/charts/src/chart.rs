@@ -259,6 +259,15 @@ impl Chart {
         crate::raster::png(&marks, size)
     }
 
+    /// A PDF file of one page for LaTeX, on light ground: letters are 8 points high, shapes are paths.
+    ///
+    /// # Errors
+    /// When a surface of many faces, which is an image in the file, would have more pixels than memory has room for.
+    pub fn pdf(&self) -> Result<Vec<u8>, PngError> {
+        let (marks, size) = self.marks();
+        crate::pdf::pdf(&marks, size, &self.title)
+    }
+
     /// The SVG without its style, for a page that has it already.
     pub(crate) fn embedded(&self) -> String {
         self.draw(false)

@@ -22,6 +22,7 @@ mod glyphs;
 mod map;
 mod marks;
 mod page;
+mod pdf;
 mod raster;
 mod scale;
 mod series;

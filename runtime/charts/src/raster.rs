@@ -89,8 +89,56 @@ pub(crate) struct Image {
     pub(crate) file: Vec<u8>,
 }
 
+/// The same for a PDF: its colours and how much of each pixel it covers, rows with filters of PNG, compressed.
+pub(crate) struct Layers {
+    /// The upper left corner, and width and height, in units.
+    pub(crate) at: [f64; 2],
+    pub(crate) units: [f64; 2],
+    pub(crate) pixels: [usize; 2],
+    pub(crate) colours: Vec<u8>,
+    pub(crate) cover: Vec<u8>,
+}
+
+/// A surface alone as layers.
+pub(crate) fn layers(surface: &Surface) -> Result<Layers, PngError> {
+    let Alone { at, units, pixels, rgba } = alone(surface)?;
+    let rgb: Vec<u8> = rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let cover: Vec<u8> = rgba.chunks_exact(4).map(|p| p[3]).collect();
+    let colours = data(&smaller(&rgb, pixels, png::ColorType::Rgb)?);
+    let cover = data(&smaller(&cover, pixels, png::ColorType::Grayscale)?);
+    Ok(Layers { at, units, pixels, colours, cover })
+}
+
+/// What the chunks `IDAT` of a PNG file hold, together: a stream of zlib.
+fn data(file: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    // a signature of 8 bytes; then length, kind, content and sum of each chunk
+    let mut rest = file.get(8..).unwrap_or_default();
+    while let Some((length, kind)) = rest.first_chunk::<4>().zip(rest.get(4..8)) {
+        let end = 8 + u32::from_be_bytes(*length) as usize;
+        if kind == b"IDAT" {
+            out.extend_from_slice(rest.get(8..end).unwrap_or_default());
+        }
+        rest = rest.get(end + 4..).unwrap_or_default();
+    }
+    out
+}
+
 /// A surface alone on a ground without colour.
 pub(crate) fn image(surface: &Surface) -> Result<Image, PngError> {
+    let Alone { at, units, pixels, rgba } = alone(surface)?;
+    Ok(Image { at, size: units, file: smaller(&rgba, pixels, png::ColorType::Rgba)? })
+}
+
+/// The pixels of a surface: place and size in units, red, green, blue and cover.
+struct Alone {
+    at: [f64; 2],
+    units: [f64; 2],
+    pixels: [usize; 2],
+    rgba: Vec<u8>,
+}
+
+fn alone(surface: &Surface) -> Result<Alone, PngError> {
     let ends = |axis: usize| {
         let places = surface.faces.iter().flat_map(|f| &f.corners).map(|c| c[axis]);
         places.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)))
@@ -106,8 +154,7 @@ pub(crate) fn image(surface: &Surface) -> Result<Image, PngError> {
     }
     let mut canvas = Canvas::new(w * SAMPLES, h * SAMPLES);
     canvas.surface(&shifted);
-    let file = smaller(&canvas.pixels_with_cover(), [w, h], png::ColorType::Rgba)?;
-    Ok(Image { at: start, size, file })
+    Ok(Alone { at: start, units: size, pixels: [w, h], rgba: canvas.pixels_with_cover() })
 }
 
 /// Width and height in pixels of a size in units.

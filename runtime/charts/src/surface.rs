@@ -42,12 +42,28 @@ impl Surface {
         }
     }
 
+    /// Parts of a face along one of its sides, so that polygons stay few.
+    pub(crate) fn parts(&self) -> usize {
+        (1..=PARTS).rev().find(|n| n * n * self.faces.len() <= POLYGONS).unwrap_or(1)
+    }
+
+    /// All faces are in one plane across the view: none hides another.
+    pub(crate) fn is_flat(&self) -> bool {
+        self.faces.iter().flat_map(|f| &f.corners).all(|c| c[2] == 0.0)
+    }
+
+    /// The faces from the farthest to the nearest.
+    pub(crate) fn farthest_first(&self) -> Vec<&Placed> {
+        let mut order: Vec<(f64, usize)> = self.faces.iter().enumerate().map(|(k, f)| (f.depth(), k)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        order.into_iter().map(|(_, k)| &self.faces[k]).collect()
+    }
+
     /// Writes the surface as SVG.
     pub(crate) fn write(&self, out: &mut String) {
-        let parts = (1..=PARTS).rev().find(|n| n * n * self.faces.len() <= POLYGONS).unwrap_or(1);
-        let flat = self.faces.iter().flat_map(|f| &f.corners).all(|c| c[2] == 0.0);
+        let parts = self.parts();
         out.push_str("<g class=\"f\">\n");
-        if flat {
+        if self.is_flat() {
             self.write_flat(out, parts)
         } else {
             self.write_sorted(out, parts)
@@ -72,10 +88,7 @@ impl Surface {
     }
 
     fn write_sorted(&self, out: &mut String, parts: usize) {
-        let mut order: Vec<(f64, usize)> = self.faces.iter().enumerate().map(|(k, f)| (f.depth(), k)).collect();
-        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for (_, k) in order {
-            let face = &self.faces[k];
+        for face in self.farthest_first() {
             let mut paths: BTreeMap<u32, String> = BTreeMap::new();
             for (corners, tone) in face.parts(parts) {
                 close(paths.entry(level(tone)).or_default(), &corners);
@@ -117,7 +130,7 @@ impl Placed {
     }
 
     /// Polygons of one tone each: triangles and quadrilaterals in `n` parts along each side, others as they are.
-    fn parts(&self, n: usize) -> Vec<(Vec<[f64; 2]>, f64)> {
+    pub(crate) fn parts(&self, n: usize) -> Vec<(Vec<[f64; 2]>, f64)> {
         let whole = || {
             #[expect(clippy::cast_precision_loss, reason = "a few corners")]
             let tone = self.tones.iter().sum::<f64>() / self.tones.len() as f64;

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use crate::{marks::Mark, raster, surface::Surface};
 
 /// Faces of a surface that an SVG draws one by one; more are pixels inside it, which take less room.
-const FACES: usize = 2500;
+pub(crate) const FACES: usize = 2500;
 
 /// Text that may stand between tags and in quoted attributes. Characters that XML forbids become U+FFFD.
 pub(crate) fn escape(text: &str) -> String {

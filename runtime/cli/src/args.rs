@@ -54,7 +54,7 @@ pub(crate) enum Command {
     Report(ReportArgs),
     /// Draw a field of a run: the deformed bodies, a cut, a profile, the state of contact, as PNG or SVG
     #[command(after_help = PLOT_HELP)]
-    Plot(PlotArgs),
+    Plot(Box<PlotArgs>),
     /// Tell what a mesh file holds: cells, regions and their sizes, quality, contact pairs of a deck; draw it
     #[command(after_help = MESH_HELP)]
     Mesh(MeshArgs),
@@ -373,6 +373,9 @@ pub(crate) struct ReportArgs {
 pub(crate) struct CheckArgs {
     #[command(flatten)]
     pub(crate) scene: SceneArgs,
+    /// Print all tables: sizes of regions with their statements, rules and classes of terms, parameters, Newton's schedule
+    #[arg(long)]
+    pub(crate) all: bool,
     /// Print JSON: the same tables, each a list of objects
     #[arg(long)]
     pub(crate) json: bool,

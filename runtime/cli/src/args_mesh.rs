@@ -33,6 +33,9 @@ pub(crate) struct MeshArgs {
     /// Draw the mesh as an SVG file
     #[arg(long, value_name = "FILE")]
     pub(crate) svg: Option<PathBuf>,
+    /// Draw the mesh as a PDF file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) pdf: Option<PathBuf>,
     /// What the colours of a picture say [default: regions if there are several, or the smallest angle]
     #[arg(long, value_name = "WHAT", value_enum)]
     pub(crate) colours: Option<Colours>,

@@ -19,7 +19,7 @@ Examples:
   wfl plot out/nitsche --field stress:vonmises --step 10 --warp 200 --png stress.png
   wfl plot out/nitsche --field stress:yy --slice x=0.5 --svg slice.svg
   wfl plot out/nitsche --field u:z --line -1,2,2:1,2,2 --png profile.png
-  wfl plot out/bar --field u --with \"exact(x)\" --zoom 0.4:0.6,0:0.1 --width 85mm --svg figure.svg
+  wfl plot out/bar --field u --with \"exact(x)\" --zoom 0.4:0.6,0:0.1 --width 85mm --pdf figure.pdf
   wfl plot out/nitsche --field state --png contact.png
   wfl plot out/nitsche out/penalty --field u:z --png difference.png
   wfl plot out/nitsche out/penalty --over Fn:t --with measured.csv --png curve.png
@@ -70,7 +70,7 @@ pub(crate) struct PlotArgs {
     #[arg(long)]
     pub(crate) no_mesh: bool,
     /// Write all steps as a film: .gif, or .mp4 and .webm where ffmpeg is installed
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["png", "svg"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["png", "svg", "pdf"])]
     pub(crate) film: Option<PathBuf>,
     /// Pictures of a film in a second
     #[arg(long, value_name = "NUMBER", default_value = "5", value_parser = clap::value_parser!(u16).range(1..=50), requires = "film")]
@@ -81,6 +81,9 @@ pub(crate) struct PlotArgs {
     /// Write an SVG file, with a light and a dark theme
     #[arg(long, value_name = "FILE")]
     pub(crate) svg: Option<PathBuf>,
+    /// Write a PDF file for LaTeX: shapes are paths, text is 8 points high
+    #[arg(long, value_name = "FILE")]
+    pub(crate) pdf: Option<PathBuf>,
 }
 
 /// A window: its lower and its upper corner.

@@ -32,7 +32,7 @@ use crate::{
     contact,
     load::{load_with_knobs, out, print_all, say},
     prepared::{EXIT_ERROR, backend, prepare_scene, sign_of_life},
-    solvers,
+    solvers, summary,
     table::{Table, number},
 };
 
@@ -67,6 +67,8 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
             all.insert(table.name.replace(' ', "_"), table.json());
         }
         out(&format!("{:#}\n", Value::Object(all)));
+    } else if !args.all {
+        out(&summary::text(&loaded, &tables));
     } else {
         let texts: Vec<String> = tables.iter().map(Table::text).filter(|t| !t.is_empty()).collect();
         out(&texts.join("\n"));

@@ -34,6 +34,7 @@ mod run;
 mod shell;
 mod show;
 mod solvers;
+mod summary;
 mod sweep;
 mod table;
 mod together;

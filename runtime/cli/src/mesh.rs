@@ -1,6 +1,6 @@
 //! `wfl mesh`: what a mesh file holds, how good it is, and a picture of it.
 
-use std::process::ExitCode;
+use std::{path::Path, process::ExitCode};
 
 use serde_json::{Map, Value};
 use wfl_report::{MeshColours, mesh_picture};
@@ -8,9 +8,9 @@ use wfl_runtime::{
     input::{InputKind, read_input},
     mesh::{
         CellShape, GroupEntities, Mesh, RegionSet, Topology, cell_shapes, cell_volumes, element_sizes, facet_measures,
-        read::{DeckPair, deck_pairs, mesh_of},
+        read::{DeckNotes, DeckPair, deck_notes, mesh_beside},
     },
-    region_name,
+    reading, region_name,
 };
 
 use crate::{
@@ -35,11 +35,17 @@ pub(crate) fn mesh(args: &MeshArgs) -> ExitCode {
 fn told(args: &MeshArgs) -> Result<(), String> {
     let name = args.file.display();
     let bytes = read_input(&args.file, InputKind::Mesh).map_err(|e| format!("error: cannot read {name}: {e}\n"))?;
-    let mesh = mesh_of(&bytes).map_err(|e| format!("error[E410]: cannot use the mesh file {name}: {e}\n"))?;
+    let folder = args.file.parent().unwrap_or(Path::new(""));
+    let mut beside = |name: &str| reading::bytes(folder, folder, name, InputKind::Mesh);
+    let mesh = mesh_beside(&bytes, &mut beside).map_err(|e| {
+        let help = e.included().and_then(reading::ReadingError::help).map(|help| format!("help: {help}\n"));
+        format!("error[E410]: cannot use the mesh file {name}: {e}\n{}", help.unwrap_or_default())
+    })?;
     let topology = Topology::new(&mesh).map_err(|e| format!("error[E410]: cannot use the mesh file {name}: {e}\n"))?;
-    let pairs = deck_pairs(&bytes);
-    let lines = scene_lines(&mesh, &pairs);
-    let tables = [mesh_table(&mesh), total(&mesh), regions(&mesh, &topology), quality(&mesh), odd(&mesh)];
+    let notes = deck_notes(&bytes, &mut beside);
+    let lines = scene_lines(&mesh, &notes.pairs);
+    let tables =
+        [mesh_table(&mesh), total(&mesh), regions(&mesh, &topology), quality(&mesh), odd(&mesh), left_out(&notes)];
     if args.json {
         let mut all = Map::new();
         all.insert("file".to_owned(), name.to_string().into());
@@ -60,10 +66,10 @@ fn told(args: &MeshArgs) -> Result<(), String> {
 
 /// Writes the pictures that are asked for.
 fn drawn(args: &MeshArgs, mesh: &Mesh) -> Result<(), String> {
-    if args.png.is_none() && args.svg.is_none() {
+    if args.png.is_none() && args.svg.is_none() && args.pdf.is_none() {
         return Ok(());
     }
-    plot::endings(&args.png, &args.svg)?;
+    plot::endings(&[(&args.png, "png"), (&args.svg, "svg"), (&args.pdf, "pdf")])?;
     let groups = mesh.groups().iter().filter(|g| matches!(g.entities, GroupEntities::Cells(_))).count();
     let by_itself = if groups > 1 { MeshColours::Regions } else { MeshColours::Angle };
     let colours = args.colours.map_or(by_itself, crate::args_mesh::Colours::of_picture);
@@ -72,6 +78,9 @@ fn drawn(args: &MeshArgs, mesh: &Mesh) -> Result<(), String> {
     let picture = picture.ok_or("error: a mesh of lines is not drawn\n")?;
     if let Some(file) = &args.png {
         plot::write(file, &picture.chart.png().map_err(|e| format!("error: {e}\n"))?)?;
+    }
+    if let Some(file) = &args.pdf {
+        plot::write(file, &picture.chart.pdf().map_err(|e| format!("error: {e}\n"))?)?;
     }
     match &args.svg {
         Some(file) => plot::write(file, picture.chart.svg().as_bytes()),
@@ -90,6 +99,15 @@ fn total(mesh: &Mesh) -> Table {
     let mut table = Table::new("total", &["what", "size", "bodies"]);
     let size: f64 = cell_volumes(mesh, &cells).iter().sum();
     table.push(vec![["length", "area", "volume"][mesh.dim() - 1].into(), size.into(), bodies.len().into()]);
+    table
+}
+
+/// Elements of a deck that are no cells.
+fn left_out(notes: &DeckNotes) -> Table {
+    let mut table = Table::new("left out", &["elements", "lines"]);
+    for (kind, lines) in &notes.left_out {
+        table.push(vec![kind.clone().into(), (*lines).into()]);
+    }
     table
 }
 

@@ -33,7 +33,7 @@ pub(crate) fn plot(args: &PlotArgs) -> ExitCode {
 
 /// Draws and writes; says which files, or why not.
 fn made(args: &PlotArgs) -> Result<String, String> {
-    endings(&args.png, &args.svg)?;
+    endings(&[(&args.png, "png"), (&args.svg, "svg"), (&args.pdf, "pdf")])?;
     let real = |folder: &PathBuf| folder.canonicalize().unwrap_or_else(|_| folder.clone());
     let twice = (1..args.folders.len()).find(|k| args.folders[..*k].iter().any(|f| real(f) == real(&args.folders[*k])));
     if let Some(k) = twice {
@@ -95,9 +95,9 @@ fn formulas(args: &PlotArgs, run: &RunFolder, request: &Request) -> Result<Vec<B
 }
 
 /// Names of pictures end as their kind does.
-pub(crate) fn endings(png: &Option<PathBuf>, svg: &Option<PathBuf>) -> Result<(), String> {
-    for (file, ending) in [(png, "png"), (svg, "svg")] {
-        if let Some(file) = file.as_ref().filter(|f| f.extension().is_none_or(|e| e != ending)) {
+pub(crate) fn endings(files: &[(&Option<PathBuf>, &str)]) -> Result<(), String> {
+    for (file, ending) in files {
+        if let Some(file) = file.as_ref().filter(|f| f.extension().is_none_or(|e| e != *ending)) {
             let (name, better) = (file.display(), file.with_extension(ending));
             let help = format!("  = help: --{ending} {}\n", better.display());
             return Err(format!("error: {name} is no name of a .{ending} file\n{help}"));
@@ -115,6 +115,7 @@ fn written(args: &PlotArgs, pictures: &[Picture]) -> Result<String, String> {
             let bytes = match kind {
                 Kind::Svg => picture.chart.svg().into_bytes(),
                 Kind::Png => picture.chart.png().map_err(|e| format!("error: {e}\n"))?,
+                Kind::Pdf => picture.chart.pdf().map_err(|e| format!("error: {e}\n"))?,
             };
             write(&file, &bytes)?;
             said += &format!("{}\n", file.display());
@@ -127,6 +128,7 @@ fn written(args: &PlotArgs, pictures: &[Picture]) -> Result<String, String> {
 enum Kind {
     Png,
     Svg,
+    Pdf,
 }
 
 /// Where a picture goes: the files that are named, with its own name behind if there are several; a PNG named after the
@@ -143,6 +145,7 @@ fn files(args: &PlotArgs, picture: &Picture, several: bool) -> Vec<(PathBuf, Kin
     let mut files: Vec<(PathBuf, Kind)> = Vec::new();
     files.extend(args.png.iter().map(|f| (named(f), Kind::Png)));
     files.extend(args.svg.iter().map(|f| (named(f), Kind::Svg)));
+    files.extend(args.pdf.iter().map(|f| (named(f), Kind::Pdf)));
     if files.is_empty() {
         files.push((PathBuf::from(format!("{}.png", picture.name)), Kind::Png));
     }
@@ -177,7 +180,7 @@ fn is_picture(file: &Path) -> bool {
     let mut start = Vec::new();
     let regular = std::fs::symlink_metadata(file).is_ok_and(|m| m.is_file());
     let read = regular && std::fs::File::open(file).and_then(|f| f.take(8).read_to_end(&mut start)).is_ok();
-    let kinds: [&[u8]; 4] = [b"\x89PNG", b"<svg", b"GIF8", b"\x1aE\xdf\xa3"];
+    let kinds: [&[u8]; 5] = [b"\x89PNG", b"<svg", b"GIF8", b"\x1aE\xdf\xa3", b"%PDF"];
     // the kind of an mp4 file stands behind the length of its first box
     let is_film = start.get(4..).is_some_and(|rest| rest.starts_with(b"ftyp"));
     read && (start.is_empty() || is_film || kinds.iter().any(|kind| start.starts_with(kind)))

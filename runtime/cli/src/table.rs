@@ -66,7 +66,8 @@ impl Table {
     }
 }
 
-fn cell(value: &Value) -> String {
+/// A value as text.
+pub(crate) fn cell(value: &Value) -> String {
     match value {
         Value::Null => "-".to_owned(),
         Value::Bool(b) => (if *b { "yes" } else { "no" }).to_owned(),

@@ -9,7 +9,7 @@ mod common;
 use common::Folder;
 
 /// Pages with snippets.
-const PAGES: [&str; 12] = [
+const PAGES: [&str; 15] = [
     "axisymmetry",
     "cookbook",
     "first_hour",
@@ -19,9 +19,12 @@ const PAGES: [&str; 12] = [
     "from_moose",
     "from_ufl",
     "gradients",
+    "incremental_friction",
     "initial_stress",
     "regions",
+    "restart",
     "time",
+    "units",
 ];
 
 /// A block of a page: the words behind the fence, and its lines.

@@ -402,7 +402,7 @@ error[E501]: units do not match in `-`
     let told = errors(&run("units", scene, "check", &[]));
     assert_eq!(told.trim(), expected.trim());
     let right = scene.replace("gamma = 200e3 [MPa]", "gamma = 200e3 [MPa/mm]");
-    let output = run("units", &right, "check", &[]);
+    let output = run("units", &right, "check", &["--all"]);
     let tables = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(output.status.success(), "{}", errors(&output));
     let units = tables.split("\n\n").find(|t| t.starts_with("units")).unwrap_or("");
@@ -468,8 +468,9 @@ fn terms_are_checked_without_a_mesh() {
     let scene = "\
 mesh box [0,0] to [1,1] cells [4,4,4] quad
 unknown u : vector
+unknown v : vector
 term a on all : Grad_u.Grad_Test_u
-term b on boundary : (u*Normal)*Test_u
+term b on boundary : (v*Normal)*Test_v
 ";
     let told = errors(&run("meshless", scene, "check", &[]));
     let codes: Vec<&str> = told.lines().filter(|l| l.starts_with("error")).map(code).collect();

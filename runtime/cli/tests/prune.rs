@@ -60,7 +60,7 @@ fn what_is_left_out_changes_the_result_by_rounding_only() {
 
 #[test]
 fn check_lists_what_is_left_out_with_its_switch() {
-    let told = |scene: &str| String::from_utf8_lossy(&wfl(&["check", scene]).stdout).into_owned();
+    let told = |scene: &str| String::from_utf8_lossy(&wfl(&["check", scene, "--all"]).stdout).into_owned();
     let linear = told("poisson/poisson.wfl");
     for needed in ["all terms are linear", "--no-prune linear", "--no-prune symmetric", "third component"] {
         assert!(linear.contains(needed), "{needed}: {linear}");
@@ -70,7 +70,7 @@ fn check_lists_what_is_left_out_with_its_switch() {
         assert!(contact.contains(needed), "{needed}: {contact}");
     }
     assert!(!contact.contains("--no-prune symmetric"), "Nitsche with friction is not symmetric: {contact}");
-    let frictionless = wfl(&["check", "fault/nitsche.wfl", "fric=0"]);
+    let frictionless = wfl(&["check", "fault/nitsche.wfl", "fric=0", "--all"]);
     let frictionless = String::from_utf8_lossy(&frictionless.stdout).into_owned();
     assert!(frictionless.contains("`fric` is 0: terms with this factor are not compiled"), "{frictionless}");
     let wrong = wfl(&["run", "poisson/poisson.wfl", "--no-prune", "everything"]);
@@ -90,7 +90,8 @@ fn instructions(words: &[&str]) -> u64 {
 /// A friction coefficient of 0 leaves out the tangential terms; one of 1e-300 does not and gives the same.
 #[test]
 fn without_friction_there_are_no_tangential_terms() {
-    let (without, with) = (["check", "fault/nitsche.wfl", "fric=0"], ["check", "fault/nitsche.wfl", "fric=1e-300"]);
+    let (without, with) =
+        (["check", "--all", "fault/nitsche.wfl", "fric=0"], ["check", "--all", "fault/nitsche.wfl", "fric=1e-300"]);
     assert!(2 * instructions(&without) < instructions(&with));
     let run = |name: &str, fric: &str| measures(&report("fault/penalty.wfl", name, &[fric]));
     let (a, b) = (run("fric_0", "fric=0"), run("fric_tiny", "fric=1e-300"));

@@ -92,7 +92,7 @@ fn columns_are_named_and_calls_are_checked() {
 #[test]
 fn files_of_other_programs_are_read_and_shown_by_check() {
     let folder = with("other", SCENE, "\u{feff}# measured\r\nt [s],q\r\n\r\n0,0\r\n1,2 # peak\r\n4,1\r\n");
-    let (code, text) = said(&folder, &["check", "s.wfl"]);
+    let (code, text) = said(&folder, &["check", "s.wfl", "--all"]);
     assert_eq!(code, Some(0), "{text}");
     let shown: Vec<&str> = text.lines().skip_while(|l| *l != "tables").take(3).collect();
     let row: Vec<&str> = shown[2].split_whitespace().collect();

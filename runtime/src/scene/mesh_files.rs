@@ -15,7 +15,11 @@ use super::{
 };
 use crate::{
     input::{InputError, InputKind},
-    mesh::{Mesh, MeshError, Placement, Together, read::ReadError, together},
+    mesh::{
+        Mesh, MeshError, Placement, Together,
+        read::{ReadError, mesh_beside},
+        together,
+    },
     output::Hash,
     reading::{self, ReadingError},
 };
@@ -57,19 +61,18 @@ fn read_one(
     if !inputs.contains(&input) {
         inputs.push(input);
     }
-    match crate::mesh::read::mesh_of(&bytes) {
+    let mut beside = |name: &str| {
+        let path = neighbour(path, name);
+        let bytes = reading::bytes(folder, folder, &path, InputKind::Mesh)?;
+        let input = InputFile::new(folder, &path, Hash::of(&bytes));
+        if !inputs.contains(&input) {
+            inputs.push(input);
+        }
+        Ok(bytes)
+    };
+    match mesh_beside(&bytes, &mut beside) {
         Ok(mesh) => {
-            let twins = &mesh.warnings().duplicate_nodes;
-            if let Some((a, b)) = twins.first() {
-                let [a_at, b_at] = [a, b].map(|n| &mesh.nodes()[n.index()][..mesh.dim()]);
-                let [a, b] = [a, b].map(|n| mesh.numbers().node(*n));
-                let d = Diagnostic::new(
-                    Code::W405,
-                    format!("{} pairs of nodes of one body have the same coordinates but are not joined", twins.len()),
-                );
-                let first = format!("the first pair: {a} at {a_at:?} and {b} at {b_at:?}");
-                diagnostics.push(d.at(*span, first).help("the body is torn there; merge them in the mesh generator"));
-            }
+            diagnostics.extend(torn(&mesh, *span));
             diagnostics.extend(turned(&mesh, *span));
             Some(mesh)
         }
@@ -78,11 +81,38 @@ fn read_one(
             None
         }
         Err(e) => {
-            let d = Diagnostic::new(Code::E410, format!("cannot use the mesh file `{path}`: {e}"));
-            diagnostics.push(d.at(*span, ""));
+            let what = format!("cannot use the mesh file `{path}`: {e}");
+            let error = e.included();
+            let d = Diagnostic::new(error.map_or(Code::E410, |error| code_of(error, Code::E410)), what).at(*span, "");
+            diagnostics.push(match error.and_then(ReadingError::help) {
+                Some(help) => d.help(help),
+                None => d,
+            });
             None
         }
     }
+}
+
+/// The name of a file beside another one.
+fn neighbour(path: &str, name: &str) -> String {
+    match path.rsplit_once('/') {
+        Some((folder, _)) if !name.starts_with('/') => format!("{folder}/{name}"),
+        _ => name.to_owned(),
+    }
+}
+
+/// W405 for nodes at one place that are not joined.
+fn torn(mesh: &Mesh, span: Span) -> Option<Diagnostic> {
+    let twins = &mesh.warnings().duplicate_nodes;
+    let (a, b) = twins.first()?;
+    let [a_at, b_at] = [a, b].map(|n| &mesh.nodes()[n.index()][..mesh.dim()]);
+    let [a, b] = [a, b].map(|n| mesh.numbers().node(*n));
+    let d = Diagnostic::new(
+        Code::W405,
+        format!("{} pairs of nodes of one body have the same coordinates but are not joined", twins.len()),
+    );
+    let first = format!("the first pair: {a} at {a_at:?} and {b} at {b_at:?}");
+    Some(d.at(span, first).help("the body is torn there; merge them in the mesh generator"))
 }
 
 /// W423 for cells of a file that ran clockwise.
@@ -101,15 +131,18 @@ fn turned(mesh: &Mesh, span: Span) -> Option<Diagnostic> {
 
 /// A file that cannot be had: E217 if the scene may not read it, E606 if it is too large, else `code`.
 pub(super) fn unread(error: &ReadingError, code: Code, what: &str) -> Diagnostic {
-    let code = match error {
-        ReadingError::Outside { .. } => Code::E217,
-        ReadingError::Input(InputError::TooLarge(_)) => Code::E606,
-        ReadingError::Input(_) => code,
-    };
-    let d = Diagnostic::new(code, format!("{what}: {error}"));
+    let d = Diagnostic::new(code_of(error, code), format!("{what}: {error}"));
     match error.help() {
         Some(help) => d.help(help),
         None => d,
+    }
+}
+
+fn code_of(error: &ReadingError, code: Code) -> Code {
+    match error {
+        ReadingError::Outside { .. } => Code::E217,
+        ReadingError::Input(InputError::TooLarge(_)) => Code::E606,
+        ReadingError::Input(_) => code,
     }
 }
 

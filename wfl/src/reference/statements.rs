@@ -412,7 +412,7 @@ pub(super) const ROWS: &[StatementRow] = &[
     },
     StatementRow {
         word: "use",
-        usage: "`use \"file.wfl\"`, `use \"contact\"`, `use \"elasticity\"`, `use \"poro\"`, `use \"sliding\"`",
+        usage: "`use \"file.wfl\"`, `use \"contact\"`, `use \"elasticity\"`, `use \"polar\"`, `use \"poro\"`, `use \"sliding\"`",
         meaning: "includes another file (the ending may be omitted) or macros of the standard library",
         default: "",
     },

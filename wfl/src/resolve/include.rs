@@ -64,6 +64,7 @@ impl Loader for NoFiles {
 pub const LIBRARY: &[(&str, &str)] = &[
     ("contact.wfl", include_str!("../../std/contact.wfl")),
     ("elasticity.wfl", include_str!("../../std/elasticity.wfl")),
+    ("polar.wfl", include_str!("../../std/polar.wfl")),
     ("poro.wfl", include_str!("../../std/poro.wfl")),
     ("sliding.wfl", include_str!("../../std/sliding.wfl")),
 ];

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import os
-import sys
 import time
 import warnings
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterable, Iterator, Mapping, Mu
 
 from . import _wfl
 from ._messages import Message, WflError, WflWarning
+from ._progress import Lines
 from ._result import Iteration, Result, Step, field_view
 
 if TYPE_CHECKING:
@@ -363,7 +363,7 @@ class Scene:
         threads:
             Threads of assembly and solver; all of the machine by default. The numbers do not depend on it.
         progress:
-            Writes a line for each step to standard error.
+            Writes a line for each step to standard error; in a notebook one line that is renewed.
         on_step, on_iteration:
             Called after each step and each iteration, on this thread; an exception ends the run before its next iteration.
         keep_states:
@@ -384,12 +384,13 @@ class Scene:
         """
         self._warn()
         step_hook = None
+        show = Lines()
         if progress or on_step is not None:
 
             def step_hook(told: dict[str, Any]) -> None:
                 step = Step(self._fields, told)
                 if progress:
-                    sys.stderr.write(f"{step.line()}\n")
+                    show(step.line())
                 if on_step is not None:
                     on_step(step)
 
@@ -416,7 +417,7 @@ class Scene:
         step:
             The step whose measures are told; the last one by default.
         progress:
-            Writes a line for each run to standard error.
+            Writes a line for each run to standard error; in a notebook one line that is renewed.
         check:
             Raises for a run that did not converge or whose expectations do not hold; otherwise ``ok`` is False there.
         values:
@@ -437,6 +438,7 @@ class Scene:
 
         lists = {name: list(given) for name, given in values.items()}
         rows: list[dict[str, Any]] = []
+        show = Lines()
         kept = self._kept()
         try:
             for chosen in itertools.product(*lists.values()):
@@ -446,7 +448,7 @@ class Scene:
                 seconds = time.perf_counter() - begin
                 if progress:
                     told = ", ".join(f"{name} = {value}" for name, value in row.items())
-                    sys.stderr.write(f"{len(rows) + 1}: {told}: {seconds:.2f} s\n")
+                    show(f"{len(rows) + 1}: {told}: {seconds:.2f} s")
                 inside = -len(result.steps) <= step < len(result.steps)
                 measures = result.steps[step].measures if inside else {}
                 iterations = sum(s.iterations for s in result.steps)

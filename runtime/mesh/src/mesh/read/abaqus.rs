@@ -3,20 +3,23 @@
 //! A deck is flat, or has parts and instances of them at their places. Element sets become groups of cells, node sets
 //! groups of nodes, surfaces groups of facets (element types and numbers of faces: G. Dhondt, CalculiX CrunchiX User's
 //! Manual, 6.2 and 7). Elements of lower dimension are the facets of their sets, as in files that mesh generators write.
-//! What stands in steps, and keywords that say nothing of the mesh (materials, contact), is left out. Does not follow
-//! `*INCLUDE`, and refuses what it cannot read: cells of second order without nodes in the middle of their faces.
+//! Files that a deck includes are read with it. What stands in steps, and keywords that say nothing of the mesh (materials,
+//! contact), is left out, as are elements without a shape (springs, masses). What generates nodes is refused.
 
 mod deck;
 mod element;
 mod pairs;
+mod text;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use deck::{Deck, Instance, Member, Part, Set, Surface};
+use deck::{Chosen, Deck, Instance, Member, Part, Set, Surface};
 use element::Shape;
-pub use pairs::{DeckPair, deck_pairs};
+pub use pairs::{DeckNotes, DeckPair, deck_notes};
+use text::Text;
 
 use super::{
+    Beside,
     error::{Place, ReadError},
     gmsh::{Block, Contents, find_type},
 };
@@ -35,9 +38,14 @@ pub(super) fn recognises(bytes: &[u8]) -> bool {
     })
 }
 
-/// The mesh of a file.
-pub(super) fn parse(bytes: &[u8]) -> Result<RawMesh, ReadError> {
-    let mut deck = Deck::read(bytes)?;
+/// The mesh of a file, and of the files that it includes.
+pub(super) fn parse(bytes: &[u8], beside: &mut Beside<'_>) -> Result<RawMesh, ReadError> {
+    let text = text::read(bytes, beside)?;
+    mesh(&text).map_err(|error| Text::placed(text.files(), error))
+}
+
+fn mesh(text: &Text) -> Result<RawMesh, ReadError> {
+    let mut deck = Deck::new(&text.sections)?;
     let mut maker = Maker::default();
     let outside = std::mem::take(&mut deck.outside);
     if deck.instances.is_empty() {
@@ -81,6 +89,20 @@ struct Element {
     /// In the order of the file.
     nodes: Vec<u64>,
     groups: BTreeSet<i64>,
+}
+
+impl Element {
+    /// Corners of the faces that a surface takes.
+    fn chosen(&self, chosen: Chosen, line: usize) -> Result<Vec<Vec<u64>>, ReadError> {
+        let faces = self.shape.faces();
+        let missing = |what: &str| ReadError::deck(line, format!("element {} has no {what}", self.number));
+        let places = match chosen {
+            Chosen::Outer => faces.to_vec(),
+            Chosen::Face(face) => vec![*faces.get(face - 1).ok_or_else(|| missing(&format!("face S{face}")))?],
+            Chosen::Itself => vec![self.shape.side().ok_or_else(|| missing("sides: it is no shell"))?],
+        };
+        Ok(places.iter().map(|places| places.iter().map(|k| self.nodes[*k]).collect()).collect())
+    }
 }
 
 /// An element as Gmsh lists it.
@@ -198,9 +220,9 @@ impl Maker {
 
     fn surface(&mut self, surface: &Surface, scope: &str, prefix: &str) -> Result<(), ReadError> {
         let tag = self.group(format!("{prefix}{}", surface.name));
-        let any_outer = !surface.of_nodes && surface.items.iter().any(|(_, face)| face.is_none());
+        let any_outer = !surface.of_nodes && surface.items.iter().any(|(_, chosen)| *chosen == Chosen::Outer);
         let outer = if any_outer { self.outer() } else { BTreeMap::new() };
-        for (member, face) in &surface.items {
+        for (member, chosen) in &surface.items {
             let kind = usize::from(!surface.of_nodes);
             let numbers: BTreeSet<u64> = self.numbers(member, scope, kind, surface.line)?.into_iter().collect();
             if surface.of_nodes {
@@ -209,18 +231,8 @@ impl Maker {
             }
             let mut found = Vec::new();
             for element in self.elements.iter().filter(|e| numbers.contains(&e.number)) {
-                let faces = element.shape.faces();
-                let chosen = match face {
-                    Some(face) => {
-                        let missing =
-                            || ReadError::deck(surface.line, format!("element {} has no face S{face}", element.number));
-                        vec![*faces.get(face - 1).ok_or_else(missing)?]
-                    }
-                    None => faces.to_vec(),
-                };
-                for corners in chosen {
-                    let corners: Vec<u64> = corners.iter().map(|k| element.nodes[*k]).collect();
-                    if face.is_some() || outer.get(&key(&corners)) == Some(&1) {
+                for corners in element.chosen(*chosen, surface.line)? {
+                    if *chosen != Chosen::Outer || outer.get(&key(&corners)) == Some(&1) {
                         found.push((element.number, corners, tag));
                     }
                 }

@@ -1,5 +1,7 @@
 //! Errors in a mesh file, with their place.
 
+use wfl_host::reading::ReadingError;
+
 use crate::mesh::error::MeshError;
 
 /// Where in a file something was found.
@@ -24,6 +26,16 @@ impl ReadError {
     /// What is wrong in a line of a deck.
     pub(super) fn deck(line: usize, what: impl Into<String>) -> Self {
         Self::Deck { what: what.into(), place: Place::Line(line) }
+    }
+
+    /// Why a file that this one includes cannot be read, if that is what is wrong.
+    #[must_use]
+    pub fn included(&self) -> Option<&ReadingError> {
+        match self {
+            ReadError::Include { error, .. } => Some(error),
+            ReadError::Within { error, .. } => error.included(),
+            _ => None,
+        }
     }
 }
 
@@ -76,6 +88,24 @@ pub enum ReadError {
         what: String,
         /// Where.
         place: Place,
+    },
+    /// A file that a deck includes cannot be read.
+    #[error("{place}: `{file}`, which is included there, cannot be read: {error}; it is looked for beside the deck")]
+    Include {
+        /// Its name in the deck.
+        file: String,
+        /// Why not.
+        error: Box<ReadingError>,
+        /// Where it is named.
+        place: Place,
+    },
+    /// Something is wrong in a file that a deck includes.
+    #[error("in the included `{file}`, {error}")]
+    Within {
+        /// Its name in the deck.
+        file: String,
+        /// What is wrong; the place is that in the included file.
+        error: Box<ReadError>,
     },
     /// A section that every mesh needs is not there.
     #[error("the file has no ${section} section")]

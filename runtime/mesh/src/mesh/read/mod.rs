@@ -14,22 +14,35 @@ mod msh4;
 mod other;
 mod vtu;
 
-pub use abaqus::{DeckPair, deck_pairs};
+pub use abaqus::{DeckNotes, DeckPair, deck_notes};
 pub use error::{Place, ReadError};
+use wfl_host::{input::InputError, reading::ReadingError};
 
 use super::{Mesh, raw::RawMesh};
+
+/// Gives the content of a file that a mesh file names, by the name that is written there. Who has the place of the mesh
+/// file decides where that is looked for, and whether it may be read.
+pub type Beside<'a> = dyn FnMut(&str) -> Result<Vec<u8>, ReadingError> + 'a;
+
+/// For contents without a place: no other file is found.
+///
+/// # Errors
+/// Always: there is no such file.
+pub fn nothing_beside(_: &str) -> Result<Vec<u8>, ReadingError> {
+    Err(InputError::NotFound.into())
+}
 
 /// One file format.
 struct Reader {
     recognises: fn(&[u8]) -> bool,
-    parse: fn(&[u8]) -> Result<RawMesh, ReadError>,
+    parse: fn(&[u8], &mut Beside<'_>) -> Result<RawMesh, ReadError>,
 }
 
 const READERS: [Reader; 4] = [
     Reader { recognises: abaqus::recognises, parse: abaqus::parse },
-    Reader { recognises: msh2::recognises, parse: msh2::parse },
-    Reader { recognises: msh4::recognises, parse: msh4::parse },
-    Reader { recognises: vtu::recognises, parse: vtu::parse },
+    Reader { recognises: msh2::recognises, parse: |bytes, _| msh2::parse(bytes) },
+    Reader { recognises: msh4::recognises, parse: |bytes, _| msh4::parse(bytes) },
+    Reader { recognises: vtu::recognises, parse: |bytes, _| vtu::parse(bytes) },
 ];
 
 /// The mesh in the contents of a file, checked. Physical groups become [`Group`](super::Group)s; an unnamed one is
@@ -38,7 +51,15 @@ const READERS: [Reader; 4] = [
 /// # Errors
 /// [`ReadError`].
 pub fn mesh_of(bytes: &[u8]) -> Result<Mesh, ReadError> {
-    Ok(Mesh::from_file(parse_mesh(bytes)?)?)
+    mesh_beside(bytes, &mut nothing_beside)
+}
+
+/// As [`mesh_of`], of a file that may name others.
+///
+/// # Errors
+/// [`ReadError`].
+pub fn mesh_beside(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Mesh, ReadError> {
+    Ok(Mesh::from_file(parse_beside(bytes, beside)?)?)
 }
 
 /// The mesh in the contents of a file, not yet checked.
@@ -46,8 +67,12 @@ pub fn mesh_of(bytes: &[u8]) -> Result<Mesh, ReadError> {
 /// # Errors
 /// [`ReadError`] other than `Mesh`.
 pub fn parse_mesh(bytes: &[u8]) -> Result<RawMesh, ReadError> {
+    parse_beside(bytes, &mut nothing_beside)
+}
+
+fn parse_beside(bytes: &[u8], beside: &mut Beside<'_>) -> Result<RawMesh, ReadError> {
     if let Some(reader) = READERS.iter().find(|reader| (reader.recognises)(bytes)) {
-        return (reader.parse)(bytes);
+        return (reader.parse)(bytes, beside);
     }
     match gmsh::version(bytes) {
         Some(found) => Err(ReadError::Version { found }),

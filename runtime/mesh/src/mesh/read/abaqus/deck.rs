@@ -1,18 +1,10 @@
-//! The text of an input file: keywords with parameters, data lines, and what they say of parts, instances, sets.
+//! What the keywords of an input file say of parts, instances and sets.
 
-use super::element::{Shape, shape};
+use super::{
+    element::{Shape, bodiless, shape},
+    text::Section,
+};
 use crate::mesh::read::error::{Place, ReadError};
-
-/// A keyword with the lines below it.
-pub(super) struct Section {
-    pub(super) line: usize,
-    /// In capitals, without the star.
-    pub(super) keyword: String,
-    /// Parameters in capitals, with values as written.
-    parameters: Vec<(String, String)>,
-    /// Data lines with their numbers.
-    pub(super) data: Vec<(usize, Vec<String>)>,
-}
 
 /// A member of a set.
 pub(super) enum Member {
@@ -32,12 +24,22 @@ pub(super) struct Set {
     pub(super) line: usize,
 }
 
+/// What a surface takes of an element.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Chosen {
+    /// All faces that no other element has.
+    Outer,
+    /// A face, counted from 1.
+    Face(usize),
+    /// The element itself, of a shell: one side of it.
+    Itself,
+}
+
 /// Faces of elements, or nodes.
 pub(super) struct Surface {
     pub(super) name: String,
     pub(super) of_nodes: bool,
-    /// Elements or nodes, with the number of the face, counted from 1; all outer faces without one.
-    pub(super) items: Vec<(Member, Option<usize>)>,
+    pub(super) items: Vec<(Member, Chosen)>,
     pub(super) line: usize,
 }
 
@@ -78,62 +80,6 @@ pub(super) struct Deck {
     pub(super) outside: Part,
 }
 
-impl Section {
-    pub(super) fn value(&self, name: &str) -> Option<&str> {
-        self.parameters.iter().find(|p| p.0 == name).map(|p| p.1.as_str())
-    }
-
-    fn needs(&self, name: &str) -> Result<String, ReadError> {
-        let missing = || ReadError::deck(self.line, format!("*{} has no {name}=", self.keyword));
-        self.value(name).filter(|v| !v.is_empty()).map(str::to_owned).ok_or_else(missing)
-    }
-}
-
-/// Words between commas, without quotes and blanks around them; an empty one behind the last comma is left out.
-fn words(line: &str) -> Vec<String> {
-    let mut words: Vec<String> = line.split(',').map(|w| w.trim().trim_matches('"').trim().to_owned()).collect();
-    if words.last().is_some_and(String::is_empty) {
-        words.pop();
-    }
-    words
-}
-
-/// The keywords of a text, each with its data.
-pub(super) fn sections(bytes: &[u8]) -> Vec<Section> {
-    let text = String::from_utf8_lossy(bytes);
-    let mut out: Vec<Section> = Vec::new();
-    let mut continued = false;
-    for (k, line) in text.lines().enumerate() {
-        let line = line.trim();
-        if line.is_empty() || line.starts_with("**") {
-            continue;
-        }
-        let is_keyword = line.starts_with('*');
-        let parameters = |words: &[String]| {
-            let pair = |w: &String| match w.split_once('=') {
-                Some((name, value)) => (name.trim().to_uppercase(), value.trim().trim_matches('"').to_owned()),
-                None => (w.to_uppercase(), String::new()),
-            };
-            words.iter().map(pair).collect::<Vec<_>>()
-        };
-        if is_keyword {
-            let all = words(&line[1..]);
-            let keyword = all.first().map(|w| w.to_uppercase()).unwrap_or_default();
-            let parameters = parameters(all.get(1..).unwrap_or_default());
-            out.push(Section { line: k + 1, keyword, parameters, data: Vec::new() });
-        } else if let Some(last) = out.last_mut() {
-            if continued {
-                last.parameters.extend(parameters(&words(line)));
-            } else {
-                last.data.push((k + 1, words(line)));
-            }
-        }
-        // a keyword goes on behind a comma at its end
-        continued = (is_keyword || continued) && line.ends_with(',');
-    }
-    out
-}
-
 /// Numbers of nodes and elements are below this: a hundred thousand times what the programs take, and instances can be
 /// counted on without an overflow.
 const NUMBERS: u64 = 100_000_000_000_000;
@@ -151,18 +97,18 @@ fn number<T: std::str::FromStr>(line: usize, word: &str, what: &str) -> Result<T
 }
 
 impl Deck {
-    pub(super) fn read(bytes: &[u8]) -> Result<Self, ReadError> {
+    pub(super) fn new(sections: &[Section]) -> Result<Self, ReadError> {
         let mut deck = Self::default();
         let mut part: Option<Part> = None;
-        for section in sections(bytes) {
+        for section in sections {
             match section.keyword.as_str() {
                 "PART" => part = Some(Part { name: section.needs("NAME")?, ..Part::default() }),
                 "END PART" => deck.parts.extend(part.take()),
-                "INSTANCE" => deck.instances.push(instance(&section)?),
+                "INSTANCE" => deck.instances.push(instance(section)?),
                 "STEP" => break,
                 _ => {
                     let own = part.as_mut().unwrap_or(&mut deck.outside);
-                    own.add(&section)?;
+                    own.add(section)?;
                 }
             }
         }
@@ -204,14 +150,9 @@ impl Part {
                 Ok(())
             }
             "SURFACE" => self.surface(section),
-            word @ ("INCLUDE" | "NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY" | "SYSTEM") => {
-                let what = match section.value("INPUT").filter(|_| word == "INCLUDE") {
-                    Some(file) => format!(
-                        "*INCLUDE is not followed: if `{file}` has the nodes and elements, give that file to `mesh file`; \
-                         otherwise write all of them into one file"
-                    ),
-                    None => format!("*{word} is not followed: write all nodes and elements into one file"),
-                };
+            word @ ("NGEN" | "NFILL" | "NCOPY" | "NMAP" | "ELGEN" | "ELCOPY" | "SYSTEM") => {
+                let what =
+                    format!("*{word} is not followed: write all nodes and elements with their numbers and positions");
                 Err(ReadError::deck(section.line, what))
             }
             _ => Ok(()),
@@ -219,13 +160,9 @@ impl Part {
     }
 
     fn nodes(&mut self, section: &Section) -> Result<(), ReadError> {
-        for name in ["SYSTEM", "INPUT"] {
-            if section.value(name).is_some_and(|v| !v.eq_ignore_ascii_case("R")) {
-                return Err(ReadError::deck(
-                    section.line,
-                    format!("*NODE with {name}= is not read: write positions in x, y, z"),
-                ));
-            }
+        if section.value("SYSTEM").is_some_and(|v| !v.eq_ignore_ascii_case("R")) {
+            let what = "*NODE with SYSTEM= is not read: write positions in x, y, z";
+            return Err(ReadError::deck(section.line, what));
         }
         let first = self.nodes.len();
         for (line, words) in &section.data {
@@ -250,8 +187,10 @@ impl Part {
     fn elements(&mut self, section: &Section) -> Result<(), ReadError> {
         let kind = section.needs("TYPE")?;
         let first = self.elements.len();
+        // springs, masses and the like are no cells; their set may be named all the same
+        let data = if bodiless(&kind) { &[] } else { section.data.as_slice() };
         let mut open: Option<Element> = None;
-        for (line, words) in &section.data {
+        for (line, words) in data {
             let mut words = words.iter().filter(|w| !w.is_empty());
             let mut element = match open.take() {
                 Some(element) => element,
@@ -301,18 +240,23 @@ impl Part {
         for (line, words) in &section.data {
             let Some(first) = words.first().filter(|w| !w.is_empty()) else { continue };
             let face = words.get(1).filter(|w| kind == "ELEMENT" && !w.is_empty());
-            let face = face.map(|word| face_number(*line, word)).transpose()?;
-            items.push((member(first), face));
+            let chosen = face.map_or(Ok(Chosen::Outer), |word| chosen(*line, word))?;
+            items.push((member(first), chosen));
         }
         self.surfaces.push(Surface { name, of_nodes: kind == "NODE", items, line });
         Ok(())
     }
 }
 
-/// `S3`, of a face of an element; `E3` of an edge of a shell, which is such a face of a cell of the plane.
-fn face_number(line: usize, word: &str) -> Result<usize, ReadError> {
+/// `S3`, of a face of an element; `E3` of an edge of a shell, which is such a face of a cell of the plane; `SPOS` and
+/// `SNEG`, the sides of a shell.
+fn chosen(line: usize, word: &str) -> Result<Chosen, ReadError> {
+    if ["SPOS", "SNEG"].iter().any(|side| word.eq_ignore_ascii_case(side)) {
+        return Ok(Chosen::Itself);
+    }
     let digits = word.strip_prefix(['S', 's', 'E', 'e']).and_then(|d| d.parse().ok()).filter(|n| (1..=6).contains(n));
-    digits.ok_or_else(|| ReadError::deck(line, format!("found `{word}`, needed a face of an element, S1 to S6")))
+    let told = || ReadError::deck(line, format!("found `{word}`, needed a face of an element: S1 to S6, SPOS or SNEG"));
+    digits.map(Chosen::Face).ok_or_else(told)
 }
 
 /// A number, or the name of a set.

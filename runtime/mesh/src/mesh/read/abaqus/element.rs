@@ -55,6 +55,15 @@ impl Shape {
         }
     }
 
+    /// Corners of a flat element, which is a face of a solid.
+    pub(super) fn side(self) -> Option<&'static [usize]> {
+        match self {
+            Self::Triangle(_) => Some(&[0, 1, 2]),
+            Self::Quadrilateral(_) => Some(&[0, 1, 2, 3]),
+            _ => None,
+        }
+    }
+
     /// Corners of its faces S1, S2, ...
     pub(super) fn faces(self) -> &'static [&'static [usize]] {
         match self {
@@ -78,6 +87,16 @@ const FLAT: [&str; 18] = [
     "CGAX", "MGAX",
 ];
 const LINE: [&str; 9] = ["T2D", "T3D", "B2", "B3", "R2D", "RAX", "DC1D", "SAX", "MAX"];
+
+/// Beginnings of names of elements without a shape: springs, dashpots, masses, gaps, couplings, connectors.
+const BODILESS: [&str; 10] =
+    ["SPRING", "DASHPOT", "MASS", "ROTARYI", "HEATCAP", "GAP", "DCOUP", "CONN", "ITT", "JOINTC"];
+
+/// Elements of this type are no cells of a mesh: they act between nodes, or are pipes of a network (`D`).
+pub(super) fn bodiless(name: &str) -> bool {
+    let name = name.to_uppercase();
+    name == "D" || BODILESS.iter().any(|start| name.starts_with(start))
+}
 
 /// The shape of a type by its name.
 pub(super) fn shape(name: &str, element: u64, line: usize) -> Result<Shape, ReadError> {
@@ -116,6 +135,8 @@ mod tests {
 
     #[test]
     fn names_tell_the_shape() {
+        assert!(["SPRINGA", "gapuni", "D", "DCOUP3D", "Mass"].iter().all(|name| bodiless(name)));
+        assert!(["DC3D8", "DS4", "C3D8", "S4"].iter().all(|name| !bodiless(name)));
         for (name, expected) in [
             ("C3D4", Shape::Tetrahedron(1)),
             ("C3D10MH", Shape::Tetrahedron(2)),
@@ -140,7 +161,7 @@ mod tests {
         ] {
             assert_eq!(shape(name, 1, 1).unwrap(), expected, "{name}");
         }
-        for name in ["SPRINGA", "GAPUNI", "C3D", "X"] {
+        for name in ["US3", "C3D27", "C3D", "X"] {
             let told = shape(name, 7, 3).unwrap_err().to_string();
             assert!(told.contains("line 3") && told.contains("element 7") && told.contains(name), "{told}");
         }

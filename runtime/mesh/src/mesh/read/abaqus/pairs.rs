@@ -1,6 +1,21 @@
-//! Contact pairs and ties of a deck: no part of the mesh, but what whoever brings a deck wants to find again.
+//! Contact pairs and ties of a deck, and what is left out: no part of the mesh, but what whoever brings a deck looks for.
 
-use super::deck::{Section, sections};
+use super::{
+    element::bodiless,
+    text::{self, Section},
+};
+use crate::mesh::read::Beside;
+
+/// What a deck says beside its mesh.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DeckNotes {
+    /// Contact pairs and ties.
+    pub pairs: Vec<DeckPair>,
+    /// Elements that are no cells, in capitals: types and how many data lines they have.
+    pub left_out: Vec<(String, usize)>,
+    /// Names of the files that it includes, in their order.
+    pub included: Vec<String>,
+}
 
 /// A contact pair or a tie of a deck.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,17 +32,31 @@ pub struct DeckPair {
     pub line: usize,
 }
 
-/// The pairs in the contents of a file of Abaqus or CalculiX; none of another file.
+/// What the contents of a file of Abaqus or CalculiX say beside the mesh; nothing of another file, and of a deck whose
+/// included files cannot be read.
 #[must_use]
-pub fn deck_pairs(bytes: &[u8]) -> Vec<DeckPair> {
+pub fn deck_notes(bytes: &[u8], beside: &mut Beside<'_>) -> DeckNotes {
     if !super::recognises(bytes) {
-        return Vec::new();
+        return DeckNotes::default();
     }
-    let all = sections(bytes);
+    let Ok(text) = text::read(bytes, beside) else { return DeckNotes::default() };
+    let mut left_out: Vec<(String, usize)> = Vec::new();
+    for section in text.sections.iter().filter(|s| s.keyword == "ELEMENT") {
+        let Some(kind) = section.value("TYPE").map(str::to_uppercase).filter(|kind| bodiless(kind)) else { continue };
+        match left_out.iter_mut().find(|row| row.0 == kind) {
+            Some(row) => row.1 += section.data.len(),
+            None => left_out.push((kind, section.data.len())),
+        }
+    }
+    let included = text.files().iter().map(|file| file.1.clone()).collect();
+    DeckNotes { pairs: pairs(&text.sections), left_out, included }
+}
+
+fn pairs(all: &[Section]) -> Vec<DeckPair> {
     let mut pairs = Vec::new();
     for section in all.iter().filter(|s| matches!(s.keyword.as_str(), "CONTACT PAIR" | "TIE")) {
         let is_tie = section.keyword == "TIE";
-        let friction = section.value("INTERACTION").and_then(|name| friction(&all, name)).filter(|mu| *mu > 0.0);
+        let friction = section.value("INTERACTION").and_then(|name| friction(all, name)).filter(|mu| *mu > 0.0);
         for (_, words) in &section.data {
             if let [here, there, ..] = words.as_slice() {
                 let plain = |name: &String| name.replace('.', "_");
@@ -58,6 +87,7 @@ fn friction(all: &[Section], name: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::read::nothing_beside;
 
     #[test]
     fn pairs_have_the_friction_of_their_interaction() {
@@ -76,7 +106,9 @@ mod tests {
             pair("inst_x", "y", None, false, 10),
             pair("p", "q", None, true, 12),
         ];
-        assert_eq!(deck_pairs(deck.as_bytes()), expected);
-        assert!(deck_pairs(b"$MeshFormat\n").is_empty());
+        let deck = format!("{deck}*ELEMENT, TYPE=SpringA, ELSET=s\n1, 1, 2\n2, 2, 3\n");
+        let notes = deck_notes(deck.as_bytes(), &mut nothing_beside);
+        assert_eq!((notes.pairs, notes.left_out), (expected, vec![("SPRINGA".to_owned(), 2)]));
+        assert_eq!(deck_notes(b"$MeshFormat\n", &mut nothing_beside), DeckNotes::default());
     }
 }

@@ -1,7 +1,25 @@
 //! Decks as programs write them, with areas, volumes and groups that are known.
 
-use super::{parse, recognises};
-use crate::mesh::{GroupEntities, Mesh, RawMesh};
+use wfl_host::{input::InputError, reading::ReadingError};
+
+use super::recognises;
+use crate::mesh::{
+    GroupEntities, Mesh, RawMesh,
+    read::{ReadError, nothing_beside},
+};
+
+fn parse(bytes: &[u8]) -> Result<RawMesh, ReadError> {
+    super::parse(bytes, &mut nothing_beside)
+}
+
+/// With these files beside the deck.
+fn parse_with(files: &[(&str, &str)], deck: &str) -> Result<RawMesh, ReadError> {
+    let mut beside = |name: &str| {
+        let found = files.iter().find(|file| file.0 == name);
+        found.map(|file| file.1.as_bytes().to_vec()).ok_or(ReadingError::Input(InputError::NotFound))
+    };
+    super::parse(deck.as_bytes(), &mut beside)
+}
 
 /// Two cubes side by side in parts of different kinds, with sets and surfaces.
 const FLAT: &str = "\
@@ -128,10 +146,16 @@ lower.body, upper.body
 fn what_cannot_be_read_is_told_with_its_line() {
     let node = "*NODE\n1, 0., 0.\n2, 1., 0.\n3, 0., 1.\n";
     for (text, words) in [
-        ("*INCLUDE, INPUT=mesh.inp\n", "line 1: *INCLUDE is not followed"),
+        (
+            "*INCLUDE, INPUT=mesh.inp\n",
+            "line 1: `mesh.inp`, which is included there, cannot be read: there is no such file",
+        ),
+        ("*INCLUDE\n", "line 1: *INCLUDE has no INPUT="),
+        ("*NGEN\n", "line 1: *NGEN is not followed"),
         ("*NODE\n1, 0., zero\n", "line 2: found `zero`"),
         ("*NODE, SYSTEM=C\n1, 0., 0.\n", "SYSTEM="),
-        ("*NODE\n1, 0., 0.\n*ELEMENT, TYPE=SPRINGA\n1, 1\n", "line 4: element 1 is a SPRINGA"),
+        ("*NODE\n1, 0., 0.\n*ELEMENT, TYPE=US3\n1, 1\n", "line 4: element 1 is a US3"),
+        ("*NODE\n1, 0., 0.\n*ELEMENT, TYPE=SPRINGA\n1, 1\n", "there is no *ELEMENT with data"),
         ("*NODE\n1, 0., 0.\n*ELEMENT\n1, 1\n", "line 3: *ELEMENT has no TYPE="),
         (&format!("{node}*ELEMENT, TYPE=CPS3\n1, 1, 2\n"), "element 1 has 2 nodes, CPS3 has 3"),
         (&format!("{node}*ELEMENT, TYPE=CPS3\n1, 1, 2, 3, 3\n"), "element 1 has 4 nodes, CPS3 has 3"),
@@ -160,4 +184,59 @@ fn large_numbers_and_ranges_end_soon() {
     assert!(told.contains("line 2: found `100000000000000`"), "{told}");
     let told = parse(b"*NODE\n18446744073709551615, 0., 0.\n").unwrap_err().to_string();
     assert!(told.contains("line 2"), "{told}");
+}
+
+/// Files stand where they are named, between the data of another keyword too; what steps include is not read.
+#[test]
+fn included_files_stand_where_they_are_named() {
+    let deck = "\
+*INCLUDE, INPUT=mesh/nodes.inp
+3, 0., 1.
+*ELEMENT, TYPE=CPS3, ELSET=body, INPUT=cells.txt
+*INCLUDE,
+ input=\"sets.inp\"
+*STEP
+*INCLUDE, INPUT=loads.inp
+";
+    let files = [
+        ("mesh/nodes.inp", "** nodes\n*NODE, NSET=all\n1, 0., 0.\n2, 1., 0.\n"),
+        ("cells.txt", "7, 1, 2, 3\n"),
+        ("sets.inp", "*INCLUDE, INPUT=inner.inp\n*SURFACE, NAME=low\nbody, S1\n"),
+        ("inner.inp", "*NSET, NSET=hold\n1, 3\n*ELEMENT, TYPE=SPRINGA, ELSET=springs\n9, 1, 2\n"),
+    ];
+    let raw = parse_with(&files, deck).unwrap();
+    for (name, n) in [("all", 3), ("body", 1), ("low", 1), ("hold", 2)] {
+        let found = group(&raw, name);
+        assert!(found.len() == 1 && count(found[0]) == n, "{name}: {found:?}");
+    }
+    let told = |files: &[(&str, &str)], deck: &str| parse_with(files, deck).unwrap_err().to_string();
+    // the line is that of the file that it is in, also behind another file
+    let wrong =
+        [files[0], files[1], ("sets.inp", "*INCLUDE, INPUT=inner.inp\n*SURFACE, NAME=low\nbody, S9\n"), files[3]];
+    assert!(told(&wrong, deck).starts_with("in the included `sets.inp`, line 3: found `S9`"), "{}", told(&wrong, deck));
+    let text = told(&files[..3], deck);
+    assert!(text.starts_with("in the included `sets.inp`, line 1: `inner.inp`"), "{text}");
+    let text = told(&files, &format!("{}*SURFACE, NAME=x\nbody, S4\n", deck.split("*STEP").next().unwrap()));
+    assert!(text.starts_with("line 6: element 7 has no face S4"), "{text}");
+    let round = [("a.inp", "*INCLUDE, INPUT=b.inp\n"), ("b.inp", "*HEADING\n*INCLUDE, INPUT=a.inp\n")];
+    let text = told(&round, "*INCLUDE, INPUT=a.inp\n");
+    assert!(
+        text.contains("`b.inp`, line 2: `a.inp` includes itself: `a.inp`, which includes `b.inp`, which"),
+        "{text}"
+    );
+    // many times the same file is told before it fills the memory
+    let many = "*INCLUDE, INPUT=b.inp\n".repeat(1200);
+    let text = told(&[("b.inp", "** nothing\n")], &many);
+    assert!(text.starts_with("line 1001: more than"), "{text}");
+}
+
+/// A face of shells on a solid: the side that `SPOS` names is the element.
+#[test]
+fn sides_of_shells_are_faces() {
+    let text = FLAT.replace(
+        "*MATERIAL",
+        "*ELEMENT, TYPE=S4, ELSET=skin of it\n50, 5, 6, 7, 8\n*SURFACE, NAME=top\n50, SPOS\n*MATERIAL",
+    );
+    let raw = parse(text.as_bytes()).unwrap();
+    assert!(matches!(group(&raw, "top")[..], [GroupEntities::Facets(list)] if list.len() == 1));
 }
