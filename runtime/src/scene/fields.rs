@@ -13,7 +13,7 @@ use crate::{
     assemble::{Domain, entity_geometries},
     element::{ElementError, Family},
     field::{Field, FieldSpace},
-    mesh::{FacetRef, Mesh, Polynomials, RegionSet, Topology},
+    mesh::{FaceEdge, FacetRef, Mesh, Polynomials, RegionSet, Topology},
     point_space::PointSpace,
     quadrature::vertex,
     scene::{
@@ -301,7 +301,11 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
             false => (PlaceKind::Facets, format!("{} faces with one side", f.len())),
         },
         RegionSet::Interface(i) => (PlaceKind::Interface, format!("an interface of {} faces", i.len())),
-        RegionSet::Edges(e) => (PlaceKind::Edges, edges_in_words(e.len(), mesh.dim())),
+        RegionSet::Edges(e) => {
+            let two_sides = has_neighbours(e, mesh);
+            let kind = if two_sides { PlaceKind::InnerEdges } else { PlaceKind::Edges };
+            (kind, edges_in_words(e.len(), mesh.dim(), two_sides))
+        }
         RegionSet::Nodes(n) => (PlaceKind::Global, format!("a region of {} nodes", n.len())),
     };
     let lives = |field: &Field| match &support {
@@ -310,7 +314,10 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
         RegionSet::Interface(i) => {
             (i.iter().all(|p| field.lives_on_facet(p.here)), i.iter().all(|p| field.lives_on_facet(p.there)))
         }
-        RegionSet::Edges(e) => (e.iter().all(|e| field.lives_on_facet(e.face)), false),
+        RegionSet::Edges(e) => {
+            let across = |e: &FaceEdge| e.across.is_some_and(|(face, _)| field.lives_on_facet(face));
+            (e.iter().all(|e| field.lives_on_facet(e.face)), e.iter().all(across))
+        }
         RegionSet::Nodes(_) => (false, false),
     };
     let (mut here, mut there): (Vec<bool>, Vec<bool>) = fields.iter().map(lives).unzip();
@@ -329,10 +336,25 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
     }
 }
 
-/// A rim for messages.
-fn edges_in_words(n: usize, dim: usize) -> String {
-    let (one, many) = if dim < 3 { ("end", "ends") } else { ("edge", "edges") };
-    format!("{n} {} of faces", if n == 1 { one } else { many })
+/// True where all edges are seen from one face with the face across, on all ranks.
+pub(super) fn has_neighbours(edges: &[FaceEdge], mesh: &Mesh) -> bool {
+    let all = edges.iter().all(|edge| edge.across.is_some());
+    if mesh.is_whole() {
+        return all && !edges.is_empty();
+    }
+    let (all, any) = (mesh.team().all(all), mesh.team().any(!edges.is_empty()));
+    all && any
+}
+
+/// A rim or what lies between faces, for messages.
+fn edges_in_words(n: usize, dim: usize, two_sides: bool) -> String {
+    let (one, many) = match (dim < 3, two_sides) {
+        (true, true) => ("point", "points"),
+        (true, false) => ("end", "ends"),
+        _ => ("edge", "edges"),
+    };
+    let what = if two_sides { "between two faces" } else { "of faces" };
+    format!("{n} {} {what}", if n == 1 { one } else { many })
 }
 
 /// The place of terms on `global`.

@@ -19,7 +19,7 @@ use crate::{
     scene::{
         Parts, Scene,
         constants::number,
-        fields::{global_place, place_sig},
+        fields::{global_place, has_neighbours, place_sig},
         regions::NamedRegion,
         rule_choice::end_on_axis,
     },
@@ -192,6 +192,14 @@ impl TermMaker<'_> {
         let name = format!("load{} of {} on {}", k + 1, target.field.name, place.name);
         if let RegionSet::Nodes(nodes) = &of_list {
             self.point_load((origin, load), &name, target, place, nodes, out);
+            return;
+        }
+        if let RegionSet::Edges(edges) = &of_list
+            && has_neighbours(edges, self.parts.mesh)
+        {
+            let d = Diagnostic::new(Code::E405, format!("`{}` lies between faces: a load has one side", place.name));
+            let d = d.help("a term has both: term t on inner : q*(Test_p + Interpolate(Test_p, neighbor_element))");
+            self.diagnostics.push(d.at(place.span, "edges with the values of two faces"));
             return;
         }
         let set = restricted(field, &of_list);

@@ -68,6 +68,7 @@ fn one_point(here: GroupSide) -> Group {
         parameters: vec![[0.0; 3]],
         tangents: None,
         edge: None,
+        edge_there: None,
         areas: None,
         reference_normal: [0.0; 3],
         is_global: true,
