@@ -2,7 +2,7 @@
 //!
 //! In the plane faces are lines and meet at points, in space they meet along edges. Promises: nodes are those of the
 //! vertices of the cells; the edges of a rim have one face each, from which they are seen, those of the interior two, and
-//! are seen from the first one. A face that a region has from both of its cells is one face. Nodes and edges are picked
+//! are seen from the first one, those of crossings are seen from each of their faces. A face that a region has from both of its cells is one face. Nodes and edges are picked
 //! by one condition: an edge is taken where it holds at its ends and in its middle.
 
 use std::{
@@ -20,7 +20,7 @@ use crate::mesh::{FaceEdge, FacetRef, Mesh, NodeId};
 /// Nodes of a surface, and the edges of a rim or between its faces.
 pub(super) struct Ends {
     pub(super) nodes: Vec<NodeId>,
-    /// `None` for nodes that are those of no rim and no interior.
+    /// `None` for `nodes of`.
     pub(super) edges: Option<Vec<FaceEdge>>,
 }
 
@@ -51,9 +51,12 @@ pub(super) fn between(
         [edge, there] => FaceEdge { across: Some((there.face, there.local)), ..edge },
         _ => faces[0],
     };
-    let mut edges: Vec<FaceEdge> = found().map(|(_, faces)| of(faces)).collect();
+    let mut edges: Vec<FaceEdge> = match entity {
+        EntityKind::Crossings => found().flat_map(|(_, faces)| faces).copied().collect(),
+        _ => found().map(|(_, faces)| of(faces)).collect(),
+    };
     edges.sort_unstable();
-    let edges = matches!(entity, EntityKind::Rim | EntityKind::Interior).then_some(edges);
+    let edges = (entity != EntityKind::Nodes).then_some(edges);
     Ok(Ends { nodes: nodes.into_iter().collect(), edges })
 }
 
@@ -108,18 +111,26 @@ impl Ends {
 /// True for a region that has edges of faces in it: in space their middles are nodes of degree two, and loads on them are
 /// per length.
 pub(super) fn are_in(script: &ResolvedScript, region: &str) -> bool {
-    let declared = script.regions.iter().find(|r| r.name.name == region);
-    declared.is_some_and(|r| has_edges(script, &r.region, region))
+    has_kind(script, region, &[EntityKind::Rim, EntityKind::Interior, EntityKind::Crossings])
 }
 
-fn has_edges(script: &ResolvedScript, region: &RegionExpr, own: &str) -> bool {
+/// True for a region made of crossings.
+pub(super) fn cross(script: &ResolvedScript, region: &str) -> bool {
+    has_kind(script, region, &[EntityKind::Crossings])
+}
+
+fn has_kind(script: &ResolvedScript, region: &str, kinds: &[EntityKind]) -> bool {
+    let declared = script.regions.iter().find(|r| r.name.name == region);
+    declared.is_some_and(|r| has_edges(script, &r.region, (region, kinds)))
+}
+
+fn has_edges(script: &ResolvedScript, region: &RegionExpr, wanted: (&str, &[EntityKind])) -> bool {
+    let (own, kinds) = wanted;
     match region {
-        RegionExpr::Picked { entity, .. } => {
-            matches!(entity, EntityKind::Rim | EntityKind::Interior | EntityKind::Crossings)
-        }
-        RegionExpr::Name(name) => name.name != own && are_in(script, &name.name),
+        RegionExpr::Picked { entity, .. } => kinds.contains(entity),
+        RegionExpr::Name(name) => name.name != own && has_kind(script, &name.name, kinds),
         RegionExpr::Combine(first, rest) => {
-            has_edges(script, first, own) || rest.iter().any(|(_, part)| has_edges(script, part, own))
+            has_edges(script, first, wanted) || rest.iter().any(|(_, part)| has_edges(script, part, wanted))
         }
         _ => false,
     }

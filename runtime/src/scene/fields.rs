@@ -79,7 +79,7 @@ impl FieldMaker<'_> {
             None => self.space(declared, &name)?,
         };
         let degree = space.degree();
-        let on_faces = matches!(space.support(), Support::Facets(_));
+        let on_faces = !matches!(space.support(), Support::Cells(_));
         let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space) };
         Some((field, FieldSig { name, shape, degree, kind, global: false, on_faces }))
     }
@@ -98,8 +98,18 @@ impl FieldMaker<'_> {
                 let facets: Vec<FacetRef> = pairs.iter().map(|p| p.here).collect();
                 Space::on_facets(mesh, topology, &facets, degree, family)
             }
+            RegionSet::Edges(edges) if !has_neighbours(&edges, mesh) => {
+                if degree != 1 || family != Family::Continuous {
+                    let text = "where faces end or cross a field is linear along the edges and has one value a node";
+                    let d = Diagnostic::new(Code::E406, text).at(declared.space.span, "");
+                    self.diagnostics.push(d.help("no element, or P1 (Q1 on quadrilaterals and hexahedra)"));
+                    return None;
+                }
+                Space::on_edges(mesh, topology, &edges)
+            }
             RegionSet::Edges(_) | RegionSet::Nodes(_) => {
-                let d = Diagnostic::new(Code::E405, "a field is defined on cells or faces, not on nodes");
+                let text = "a field is defined on cells or faces, or where faces end or cross: not on nodes or between two faces";
+                let d = Diagnostic::new(Code::E405, text);
                 let help = "a field of faces has one value where they end or cross: on the surface itself, with `fix` or `load` on \
                             the region of nodes";
                 self.diagnostics.push(d.at(declared.space.span, "").help(help));
@@ -148,8 +158,11 @@ fn state_points(
         return None;
     }
     let set = support(&declared.space.place, &declared.name, regions, diagnostics)?;
+    let is_edges = matches!(set, RegionSet::Edges(_));
     match Domain::new(mesh, &set, &vertex) {
-        Ok(domain) if !mesh.is_whole() || !domain.groups.is_empty() => Some(PointSpace::new(mesh, &domain)),
+        Ok(domain) if !is_edges && (!mesh.is_whole() || !domain.groups.is_empty()) => {
+            Some(PointSpace::new(mesh, &domain))
+        }
         Ok(_) => {
             let d = Diagnostic::new(Code::E405, "a state is defined on cells or faces, not on nodes");
             diagnostics.push(d.at(declared.space.span, ""));
@@ -275,10 +288,10 @@ pub(super) fn support(
     }
     let mut total: Option<RegionSet> = None;
     for region in names {
-        let set = &regions.get(&region.name)?.set;
+        let set = regions.get(&region.name)?.support();
         total = Some(match total {
-            None => set.clone(),
-            Some(t) => match t.union(set) {
+            None => set,
+            Some(t) => match t.union(&set) {
                 Ok(u) => u,
                 Err(e) => {
                     let d = Diagnostic::new(Code::E405, format!("`{}` cannot live on these regions: {e}", name.name));
@@ -316,7 +329,7 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
         }
         RegionSet::Edges(e) => {
             let across = |e: &FaceEdge| e.across.is_some_and(|(face, _)| field.lives_on_facet(face));
-            (e.iter().all(|e| field.lives_on_facet(e.face)), e.iter().all(across))
+            (e.iter().all(|e| field.lives_on_edge(*e)), e.iter().all(across))
         }
         RegionSet::Nodes(_) => (false, false),
     };

@@ -390,6 +390,7 @@ fn of_space(w: &mut Writer, space: &SpacePart) {
         &match support {
             Support::Cells(cells) => RegionSet::Cells(cells.clone()),
             Support::Facets(facets) => RegionSet::Facets(facets.clone()),
+            Support::Edges(edges) => RegionSet::Edges(edges.clone()),
         },
     );
     w.count(*degree);
@@ -403,6 +404,7 @@ fn read_space(r: &mut Reader<'_>) -> Result<SpacePart, Unreadable> {
     let support = match read_set(r)? {
         RegionSet::Cells(cells) => Support::Cells(cells),
         RegionSet::Facets(facets) => Support::Facets(facets),
+        RegionSet::Edges(edges) => Support::Edges(edges),
         _ => return Err(Unreadable),
     };
     let degree = r.count()?;

@@ -31,7 +31,8 @@ const CANDIDATES: usize = 20;
 pub struct NamedRegion {
     /// Its members.
     pub set: RegionSet,
-    /// The edges of faces that end at its nodes, of the rim and the interior of a surface: what integrals are taken along.
+    /// The edges of faces that end at its nodes, of the rim, the interior and the crossings of a surface: what integrals are
+    /// taken along.
     pub edges: Option<Vec<FaceEdge>>,
     /// Its declaration; `None` for `all`, `boundary` and groups of a mesh file.
     pub span: Option<Span>,

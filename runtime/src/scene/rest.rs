@@ -305,7 +305,9 @@ fn kind_of(script: &ResolvedScript, name: &str) -> Option<PlaceKind> {
                     PlaceKind::Facets
                 });
             }
-            Some(RegionExpr::Picked { entity: EntityKind::Rim, .. }) => return Some(PlaceKind::Edges),
+            Some(RegionExpr::Picked { entity: EntityKind::Rim | EntityKind::Crossings, .. }) => {
+                return Some(PlaceKind::Edges);
+            }
             Some(RegionExpr::Picked { entity: EntityKind::Interior, .. }) => return Some(PlaceKind::InnerEdges),
             Some(RegionExpr::Picked { .. }) => return None,
             Some(RegionExpr::Interface { .. } | RegionExpr::Along { .. }) | None => return Some(PlaceKind::Interface),

@@ -368,8 +368,12 @@ fn dual_of_one(a: &[Lanes; 3]) -> [Lanes; 3] {
     out
 }
 
-/// The vectors of the plane of two tangents whose products with them are one and zero.
+/// The vectors of the plane of two tangents whose products with them are one and zero; along an edge there is one tangent,
+/// and the second is zero.
 fn dual_of_two([a, b]: &[[Lanes; 3]; 2]) -> [[Lanes; 3]; 2] {
+    if b.iter().all(|component| component.iter().all(|x| *x == 0.0)) {
+        return [dual_of_one(a), [ZERO; 3]];
+    }
     let mut out = [[ZERO; 3]; 2];
     for l in 0..LANES {
         let dot = |u: &[Lanes; 3], v: &[Lanes; 3]| -> f64 { (0..3).map(|i| u[i][l] * v[i][l]).sum() };

@@ -78,7 +78,7 @@ pub(super) fn groups(mesh: &Mesh, edges: &[FaceEdge], rule: &dyn Fn(CellKind) ->
 }
 
 impl Edge {
-    fn new(mesh: &Mesh, edge: FaceEdge) -> Self {
+    pub(super) fn new(mesh: &Mesh, edge: FaceEdge) -> Self {
         let (face, local) = (mesh.facet_kind(edge.face), usize::from(edge.local));
         let two = |x: [f64; 3]| [x[0], x[1]];
         let along = two(face.facet_map(local).tangents[0]);
