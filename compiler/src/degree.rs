@@ -229,7 +229,9 @@ impl Degree {
 }
 
 fn degree_on(graph: &Graph, root: ExprId, fields: &[FieldSig], entity: EntityGeometry, kind: PlaceKind) -> Degree {
-    let of = |view: View| estimate(graph, root, fields, entity, view);
+    // an edge in space is a line, the face whose gradients are taken there is none
+    let on_line = entity.dim == 1 && !matches!(kind, PlaceKind::Edges | PlaceKind::InnerEdges);
+    let of = |view: View| estimate(graph, root, fields, on_line, entity, view);
     let affine = of(View::Affine);
     let arity = graph.arity(root);
     let flat = affine.affine(arity.test || arity.trial, entity);
@@ -257,14 +259,21 @@ fn degree_on(graph: &Graph, root: ExprId, fields: &[FieldSig], entity: EntityGeo
 }
 
 /// What is known of an expression.
-fn estimate(graph: &Graph, root: ExprId, fields: &[FieldSig], entity: EntityGeometry, view: View) -> Estimate {
+fn estimate(
+    graph: &Graph,
+    root: ExprId,
+    fields: &[FieldSig],
+    on_line: bool,
+    entity: EntityGeometry,
+    view: View,
+) -> Estimate {
     let mut known: Vec<Estimate> = Vec::with_capacity(root.index() + 1);
     for k in 0..=root.index() {
         let of = |x: ExprId| known[x.index()];
         let e = match graph.node(ExprId::new(k)) {
             Node::Const(_) => CONSTANT,
             Node::Leaf(leaf) => {
-                let e = leaf_estimate(*leaf, fields, entity, view);
+                let e = leaf_estimate(*leaf, fields, on_line, entity, view);
                 let at_image = is_image(*leaf);
                 // an image that moves is no polynomial of anything
                 let e = if at_image && graph.moves.is_some() { e.composed() } else { e };
@@ -298,7 +307,7 @@ fn is_image(leaf: Leaf) -> bool {
     matches!(leaf, Leaf::ImageX | Leaf::Field { side: Side::There, .. })
 }
 
-fn leaf_estimate(leaf: Leaf, fields: &[FieldSig], entity: EntityGeometry, view: View) -> Estimate {
+fn leaf_estimate(leaf: Leaf, fields: &[FieldSig], on_line: bool, entity: EntityGeometry, view: View) -> Estimate {
     let mapped = view != View::Affine;
     let order = int(entity.order);
     let of = |degree: i32, quotients: usize| {
@@ -310,7 +319,7 @@ fn leaf_estimate(leaf: Leaf, fields: &[FieldSig], entity: EntityGeometry, view: 
         Leaf::Field { field, op, role, .. } => {
             let k = int(fields[field.index()].degree);
             // along a line the derivative of a field of that line has one degree less, also beside tensor cells
-            let along_line = fields[field.index()].on_faces && entity.dim == 1;
+            let along_line = fields[field.index()].on_faces && on_line;
             let tested = matches!(role, Role::Test | Role::Trial);
             if view == View::ConstantState && !tested {
                 return Estimate { fields: true, ..CONSTANT };

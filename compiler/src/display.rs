@@ -250,7 +250,7 @@ impl Printer<'_> {
             Leaf::ImageShift => "image_shift".to_owned(),
             Leaf::ImageSlope => "image_slope".to_owned(),
             Leaf::Normal(side) => on("Normal".to_owned(), side),
-            Leaf::Conormal => "Conormal".to_owned(),
+            Leaf::Conormal(side) => on("Conormal".to_owned(), side),
             Leaf::ElementSize(side) => on("element_size".to_owned(), side),
             Leaf::ElementK(side) => on("element_K".to_owned(), side),
             Leaf::ElementB(side) => on("element_B".to_owned(), side),

@@ -249,7 +249,7 @@ impl Graph {
                 }
                 shape
             }
-            Leaf::X | Leaf::ImageX | Leaf::Normal(_) | Leaf::Conormal => Shape::vector(n),
+            Leaf::X | Leaf::ImageX | Leaf::Normal(_) | Leaf::Conormal(_) => Shape::vector(n),
             Leaf::ElementK(_) | Leaf::ElementB(_) | Leaf::ImageShift | Leaf::ImageSlope => Shape::matrix(n, n),
             Leaf::ElementSize(_) | Leaf::Time | Leaf::TimeStep | Leaf::RateFactor(_) => Shape::SCALAR,
         }

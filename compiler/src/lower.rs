@@ -302,7 +302,7 @@ impl<'g> Lowering<'g> {
                 }
                 Leaf::ImageSlope => self.input(InputSlot::ImageSlope(small(k))),
                 Leaf::Normal(side) => self.input(InputSlot::Normal(side, small(k))),
-                Leaf::Conormal => self.input(InputSlot::Conormal(small(k))),
+                Leaf::Conormal(side) => self.input(InputSlot::Conormal(side, small(k))),
                 Leaf::ElementSize(side) => self.input(InputSlot::ElementSize(side)),
                 Leaf::ElementK(side) => self.input(InputSlot::ElementK(side, small(k))),
                 Leaf::ElementB(side) => self.input(InputSlot::ElementB(side, small(k))),

@@ -309,7 +309,7 @@ impl<'l> Checker<'l> {
                     Some(a) => f64::from(u8::from(f64::from(*k) == a)),
                     None => random.signed(),
                 },
-                InputSlot::Conormal(_) => random.signed(),
+                InputSlot::Conormal(..) => random.signed(),
                 // data are mostly positive: stiffnesses, coefficients
                 InputSlot::Field(_) => data * (0.5 + random.unit()).copysign(random.unit() - 0.25),
                 InputSlot::Previous(_) | InputSlot::History(..) => size * random.signed(),

@@ -227,8 +227,18 @@ pub enum PlaceKind {
     Interface,
     /// Edges of facets: lines in space, points in the plane.
     Edges,
+    /// The same between two facets, with two sides.
+    InnerEdges,
     /// No place: global unknowns and numbers only.
     Global,
+}
+
+impl PlaceKind {
+    /// True where fields have values on two sides.
+    #[must_use]
+    pub fn has_two_sides(self) -> bool {
+        matches!(self, Self::Interface | Self::InnerEdges)
+    }
 }
 
 /// The shape of the cells or faces that integrals are taken over.
@@ -345,8 +355,8 @@ pub enum InputSlot {
     ImageSlope(u8),
     /// A component of the outward unit normal of a side.
     Normal(Side, u8),
-    /// A component of the unit vector in a face that points out of it at its edge.
-    Conormal(u8),
+    /// A component of the unit vector in a face of a side that points out of it at its edge.
+    Conormal(Side, u8),
     /// The size of the cell: smallest singular value of the gradient of the map (largest over its nodes) times the root
     /// of the space dimension, as GetFEM's `element_size`.
     ElementSize(Side),

@@ -216,7 +216,6 @@ fn faces_end_at_their_rim_and_meet_at_their_crossings() {
             "region edge = crossings of sheet\nterm flow on sheet : p*Test_p\nfix p = 1 on edge",
             "no edge with three faces",
         ),
-        ("region edge = interior of sheet\nterm flow on edge : p*Test_p", "jumps between faces of a surface"),
         ("region edge = rim of below\nterm flow on sheet : p*Test_p\nfix p = 1 on edge", "faces are needed"),
     ] {
         let told = refused(&scene(mesh, sheet, "sheet", lines));

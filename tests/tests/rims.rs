@@ -154,6 +154,17 @@ fn the_rim_of_a_cylinder_has_its_length() {
     assert!(errors[0] > 0.0 && (order - 2.0).abs() < 0.02, "{errors:?}, order {order}");
 }
 
+/// Along an edge of a quadrilateral the gradient across it has the full degree of the face: it is integrated with that.
+#[test]
+fn gradients_across_an_edge_have_the_degree_of_the_face() {
+    let found = solved(
+        "mesh box [-1,0,0] to [1,1,1] cells [2,1,1] hex\nregion left = cells where x < 0\n\
+         region sheet = faces of left where x == 0\nregion top = rim of sheet where z == 1\nunknown p : scalar Q2 on sheet\n\
+         term value on sheet : (p - sqr(y)*sqr(z))*Test_p\nmeasure out = integral(Grad_p.Conormal) on top\n",
+    );
+    assert!((found.measure(0, "out") - 2.0 / 3.0).abs() < EXACT, "{}", found.measure(0, "out"));
+}
+
 /// Fluid is injected into a sheet and leaves through its rim against an entry pressure, where the pressure is higher than
 /// that: the balance knows the outflow, whatever the number of ranks.
 #[test]
@@ -223,7 +234,13 @@ fn what_has_no_place_on_a_rim_is_told() {
         ("term out on sheet : Conormal(1)*Test_p", "E204", "where faces end"),
         ("term out on below : Conormal(1)*Test_p", "E204", "where faces end"),
         ("term out on edge : Interpolate(p, neighbor_element)*Test_p", "E203", "16 edges of faces"),
-        ("unknown r : scalar on edge\nterm out on edge : r*Test_r", "E405", "cells or faces"),
+        ("unknown r : scalar Q2 on edge\nterm out on edge : r*Test_r", "E406", "one value a node"),
+        ("unknown r : scalar on edge\nterm out on sheet : r*Test_r", "E202", "does not live on"),
+        (
+            "region all_nodes = nodes of sheet\nunknown r : scalar on all_nodes\nterm out on sheet : p*Test_p",
+            "E405",
+            "cells or faces",
+        ),
         ("region dot = rim of sheet where x == 0 and y == 0\nterm out on dot : p*Test_p", "E490", "1 single nodes"),
         ("region dot = rim of sheet where x == 0 and y == 0\nload p = 1 on dot", "E490", "single nodes"),
         ("region dot = rim of sheet where x == 0 and y == 0\nmeasure d = integral(1) on dot", "E490", "single nodes"),

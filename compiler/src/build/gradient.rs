@@ -6,7 +6,7 @@ use crate::{
     build::Builder,
     derive::derive,
     graph::{ExprId, Graph, Leaf, Node, Role},
-    types::{FieldId, FieldOp, FieldSig, Side},
+    types::{FieldId, FieldOp, FieldSig, PlaceKind, Side},
 };
 
 /// How the symbolic gradient of an expression came out of one direction.
@@ -103,7 +103,9 @@ impl Builder<'_> {
 
     /// A gradient without its part across the face, `G - (G.Normal)@Normal`. The sign of the normal does not count.
     fn along_the_face(&mut self, gradient: ExprId) -> ExprId {
-        let normal = self.graph.leaf(Leaf::Normal(Side::Here));
+        // across an edge the surface may have another direction
+        let is_there = self.place.kind == PlaceKind::InnerEdges && reads_image(&self.graph, gradient);
+        let normal = self.graph.leaf(Leaf::Normal(if is_there { Side::There } else { Side::Here }));
         let last = self.graph.shape(gradient).rank() - 1;
         let across = self.graph.contract(gradient, normal, &[(last, 0)]);
         let across = self.graph.contract(across, normal, &[]);

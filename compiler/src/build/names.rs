@@ -110,13 +110,13 @@ impl Builder<'_> {
     /// `Normal`, `element_size`, ... on a side.
     pub(crate) fn geometry(&mut self, e: &Expr, name: &str, side: Side) -> Option<ExprId> {
         let is_there = match name {
-            "Conormal" => self.place.kind == PlaceKind::Edges,
+            "Conormal" => matches!(self.place.kind, PlaceKind::Edges | PlaceKind::InnerEdges),
             "Normal" => !matches!(self.place.kind, PlaceKind::Cells | PlaceKind::Global),
             _ => self.place.kind != PlaceKind::Global,
         };
         if !is_there {
             let text = match name {
-                "Conormal" => "exists where faces end: on `rim of` a surface",
+                "Conormal" => "exists where faces end or meet: on `rim of` and `interior of` a surface",
                 "Normal" => "exists on faces only",
                 _ => "needs a cell",
             };
@@ -126,7 +126,7 @@ impl Builder<'_> {
         }
         Some(self.graph.leaf(match name {
             "Normal" => Leaf::Normal(side),
-            "Conormal" => Leaf::Conormal,
+            "Conormal" => Leaf::Conormal(side),
             "element_size" => Leaf::ElementSize(side),
             "element_K" => Leaf::ElementK(side),
             _ => Leaf::ElementB(side),
@@ -322,7 +322,7 @@ impl Builder<'_> {
             Side::Here => self.place.there[field.index()],
             Side::There => self.place.here[field.index()],
         };
-        let d = if self.place.kind == PlaceKind::Interface && other {
+        let d = if self.place.kind.has_two_sides() && other {
             let d =
                 Diagnostic::new(Code::E202, format!("`{name}` does not live on this side of `{place}`")).about(name);
             match side {

@@ -52,8 +52,8 @@ pub enum Leaf {
     ImageSlope,
     /// The outward unit normal of a side.
     Normal(Side),
-    /// The unit vector in a face that points out of it at its edge.
-    Conormal,
+    /// The unit vector in a face of a side that points out of it at its edge.
+    Conormal(Side),
     /// The cell's size.
     ElementSize(Side),
     /// The gradient of the geometric map.

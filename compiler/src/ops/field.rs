@@ -147,9 +147,12 @@ fn reach(b: &mut Builder<'_>, c: &Call<'_>, target: &Expr, which: &str) -> Optio
 
 /// `neighbor_element` needs two sides.
 fn on_interface(b: &mut Builder<'_>, c: &Call<'_>) -> Option<()> {
-    if b.place.kind != PlaceKind::Interface {
+    if !b.place.kind.has_two_sides() {
         let d = Diagnostic::new(Code::E203, "`neighbor_element` has no neighbour here");
         let d = d.help(match b.place.inside {
+            _ if b.place.kind == PlaceKind::Edges => {
+                "edges between two faces of a surface have two sides: region inner = interior of fault".to_owned()
+            }
             true => format!("an interface has two sides: region two_sided = interface along {}", b.place.name),
             false => "an interface region has two sides: region fault = interface from left to right".to_owned(),
         });

@@ -18,6 +18,9 @@ use wfl_compiler::{
 use super::Solved;
 use wfl_discrete::assemble::{AssembledTerm, FieldValues};
 
+/// What a law asks is rounding below this part of what it asks of twice the multiplier.
+const ROUNDING: f64 = 1e-10;
+
 /// What is left of the law of a multiplier.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct LawDefect {
@@ -70,14 +73,17 @@ impl Solved<'_> {
         let left = self.law_size(field, &terms, &slices);
         // nothing presses where nothing has moved and the multiplier pulls, whichever sign that is
         let zeros: Vec<Vec<f64>> = slices.iter().map(|s| vec![0.0; s.len()]).collect();
-        let negative: Vec<f64> = slices[field].iter().map(|m| -m).collect();
-        let asked = [slices[field], &negative].map(|own| {
+        let asked_of = |factor: f64| {
+            let own: Vec<f64> = slices[field].iter().map(|m| factor * m).collect();
             let rest = |k: usize| if self.system.range(k).is_some() { zeros[k].as_slice() } else { slices[k] };
-            let alone: Vec<&[f64]> = (0..slices.len()).map(|k| if k == field { own } else { rest(k) }).collect();
+            let alone: Vec<&[f64]> = (0..slices.len()).map(|k| if k == field { &own } else { rest(k) }).collect();
             self.law_size(field, &terms, &alone)
-        });
-        let asked = asked[0].max(asked[1]);
-        (asked > 0.0).then(|| LawDefect { multiplier: self.system.fields[field].name.clone(), size: left / asked })
+        };
+        let asked = asked_of(1.0).max(asked_of(-1.0));
+        // within a bound that does not depend on the multiplier nothing is asked of it but rounding; twice goes beyond
+        let beyond = 0.5 * asked_of(2.0).max(asked_of(-2.0));
+        (asked > ROUNDING * beyond)
+            .then(|| LawDefect { multiplier: self.system.fields[field].name.clone(), size: left / asked })
     }
 
     /// The integral of the length of what tests the multiplier, of all terms together.

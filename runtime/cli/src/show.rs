@@ -8,7 +8,7 @@ use wfl_compiler::{
     backend::KernelBackend,
     display::{expression_text, graph_text},
     ir::{Origin, VerifiedKernel},
-    types::{FieldSig, InputSlot, RateFactor, RateOrder, UniformSlot},
+    types::{FieldSig, InputSlot, RateFactor, RateOrder, Side, UniformSlot},
 };
 use wfl_runtime::Scene;
 use wfl_tasks::{Loaded, tangents::basis_text};
@@ -125,7 +125,7 @@ fn slots(law: &TermLaw, sigs: &[FieldSig]) -> String {
 }
 
 fn input_text(slot: InputSlot, sigs: &[FieldSig]) -> String {
-    let side = |s: wfl_compiler::types::Side| if s == wfl_compiler::types::Side::Here { "" } else { " there" };
+    let side = |s: Side| if s == Side::Here { "" } else { " there" };
     match slot {
         InputSlot::Field(b) => basis_text(b, sigs),
         InputSlot::Previous(b) => format!("previous {}", basis_text(b, sigs)),
@@ -136,7 +136,7 @@ fn input_text(slot: InputSlot, sigs: &[FieldSig]) -> String {
         InputSlot::ImageShift(k) => format!("shift of the image, entry {}", k + 1),
         InputSlot::ImageSlope(k) => format!("slope of the normal there, entry {}", k + 1),
         InputSlot::Normal(s, k) => format!("Normal({}){}", k + 1, side(s)),
-        InputSlot::Conormal(k) => format!("Conormal({})", k + 1),
+        InputSlot::Conormal(s, k) => format!("Conormal({}){}", k + 1, side(s)),
         InputSlot::ElementSize(s) => format!("element_size{}", side(s)),
         InputSlot::ElementK(s, k) => format!("element_K entry {}{}", k + 1, side(s)),
         InputSlot::ElementB(s, k) => format!("element_B entry {}{}", k + 1, side(s)),

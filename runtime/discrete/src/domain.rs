@@ -85,7 +85,8 @@ pub struct GroupSide {
     pub points: Vec<[f64; 3]>,
     /// Basis of the geometry at the points, with first and second derivatives.
     pub geometry: Table,
-    /// Basis of the geometry at its own nodes, with first derivatives: for the size of the cells.
+    /// Basis of the geometry at its own nodes, with first derivatives: for the size of the cells; of edges at the nodes of
+    /// their faces, for the size of these.
     pub corners: Table,
 }
 
@@ -112,6 +113,8 @@ pub struct Group {
     pub tangents: Option<[[f64; 3]; 2]>,
     /// Where the edges lie in their faces, of a group of edges.
     pub edge: Option<Edge>,
+    /// The same in the faces across, of edges between two faces.
+    pub edge_there: Option<Edge>,
     /// The area vectors of the points of a nodal rule on quadrilateral faces; elsewhere they are those of the map there.
     pub areas: Option<NodeAreas>,
     /// Outward normal of the reference facet.
@@ -120,10 +123,10 @@ pub struct Group {
     pub is_global: bool,
     /// The owning side.
     pub here: GroupSide,
-    /// The neighbour, on interfaces; the cell of the images of a mapping.
+    /// The neighbour, on interfaces and edges between faces; the cell of the images of a mapping.
     pub there: Option<GroupSide>,
-    /// Outward normal of the reference facet of the images of a mapping; `None` for a neighbour, whose normal is
-    /// opposite, and for images without facets.
+    /// Outward normal of the reference facet of the images of a mapping, of the face across an edge; `None` for a neighbour,
+    /// whose normal is opposite, and for images without facets.
     pub there_normal: Option<[f64; 3]>,
     /// How the image shifts, where it follows the bodies.
     pub motion: Option<ImageMotion>,
@@ -438,6 +441,7 @@ fn part(mesh: &Mesh, group: &Group, k: usize, image: Image, points: &[ImagePoint
         parameters: pick(&group.parameters),
         tangents: group.tangents,
         edge: group.edge,
+        edge_there: None,
         areas: None,
         reference_normal: group.reference_normal,
         is_global: group.is_global,
@@ -491,6 +495,7 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
                 parameters: rule.points.clone(),
                 tangents: None,
                 edge: None,
+                edge_there: None,
                 areas: None,
                 reference_normal: [0.0; 3],
                 is_global: false,
@@ -533,6 +538,7 @@ fn facet_groups(
             parameters: rule.points.clone(),
             tangents: Some(kind.facet_map(local).tangents),
             edge: None,
+            edge_there: None,
             areas: NodeAreas::new(mesh, kind, local, &rule),
             reference_normal: kind.facet_normal(local),
             is_global: false,

@@ -10,7 +10,7 @@ use crate::{
 };
 use wfl_mesh::{
     element::Table,
-    mesh::{CellId, FacetRef, Mesh, RegionSet, Topology},
+    mesh::{CellId, FaceEdge, FacetRef, Mesh, RegionSet, Topology, direction},
 };
 
 /// Where a field has its nodes.
@@ -157,9 +157,21 @@ impl Field {
             FieldSpace::Nodal(space) => match space.support() {
                 Support::Cells(_) => space.position_of_cell(facet.cell).is_some(),
                 Support::Facets(_) => space.on_facet(facet).is_some(),
+                Support::Edges(_) => false,
             },
             FieldSpace::Global => true,
             FieldSpace::Points(space) => space.has_facet(facet),
+        }
+    }
+
+    /// True if the field has values on this edge: one of edges has them there, others where they live on its face.
+    #[must_use]
+    pub fn lives_on_edge(&self, edge: FaceEdge) -> bool {
+        match &self.space {
+            FieldSpace::Nodal(space) if matches!(space.support(), Support::Edges(_)) => {
+                space.on_edge(edge.face, edge.local).is_some()
+            }
+            _ => self.lives_on_facet(edge.face),
         }
     }
 
@@ -210,14 +222,18 @@ impl Field {
             return Ok(Tabulated { table, tangents: None, nodes: vec![0; n] });
         };
         let data = group.side(side);
-        let on_facets = matches!(space.support(), Support::Facets(_));
+        let edge = if side == Side::Here { group.edge } else { group.edge_there };
         let mut nodes = Vec::new();
         let mut element = None;
         for k in 0..n {
-            let found = if on_facets {
-                data.facets.get(k).and_then(|f| space.on_facet(*f))
-            } else {
-                space.position_of_cell(data.cells[k]).map(|p| (space.element_at(p), space.entity_nodes(p)))
+            let facet = data.facets.get(k);
+            let found = match space.support() {
+                Support::Cells(_) => {
+                    let position = space.position_of_cell(data.cells[k]);
+                    position.map(|p| (space.element_at(p), space.entity_nodes(p)))
+                }
+                Support::Facets(_) => facet.and_then(|f| space.on_facet(*f)),
+                Support::Edges(_) => facet.zip(edge).and_then(|(f, edge)| space.on_edge(*f, edge.local)),
             };
             let Some((of_entity, its_nodes)) = found else {
                 let cell = data.cells[k].index();
@@ -227,7 +243,7 @@ impl Field {
             element.get_or_insert(of_entity);
         }
         let Some(element) = element else { return Ok(Tabulated { nodes, ..Tabulated::default() }) };
-        if !on_facets {
+        if matches!(space.support(), Support::Cells(_)) {
             return Ok(Tabulated { table: element.tabulate(&data.points, order), tangents: None, nodes });
         }
         // the points of the other side are those of this one in the parameters of its own facets
@@ -236,6 +252,13 @@ impl Field {
             Side::Here => group.parameters.clone(),
             Side::There => data.points.iter().map(|x| map.parameters(*x)).collect(),
         };
-        Ok(Tabulated { table: element.tabulate(&parameters, order), tangents: Some(map.tangents), nodes })
+        let (Support::Edges(_), Some(edge)) = (space.support(), edge) else {
+            return Ok(Tabulated { table: element.tabulate(&parameters, order), tangents: Some(map.tangents), nodes });
+        };
+        let facet = data.facets.first().map_or(0, |facet| usize::from(facet.local));
+        let of_edge = data.kind.facets()[facet].kind.facet_map(usize::from(edge.local));
+        let parameters: Vec<[f64; 3]> = parameters.iter().map(|x| of_edge.parameters(*x)).collect();
+        let tangents = [direction(data.kind, facet, usize::from(edge.local)), [0.0; 3]];
+        Ok(Tabulated { table: element.tabulate(&parameters, order), tangents: Some(tangents), nodes })
     }
 }

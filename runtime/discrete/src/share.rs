@@ -158,12 +158,16 @@ pub fn owners_of_space(space: &Space, mesh: &Mesh, part: &Part) -> Vec<u16> {
     for position in 0..space.n_positions() {
         let element = space.element_at(position);
         let corners = known.entry(element.kind().index()).or_insert_with(|| corners(element));
-        let of_facet;
+        let (of_facet, of_edge);
         let vertices = match space.support() {
             Support::Cells(cells) => mesh.cell_vertices(cells[position]),
             Support::Facets(facets) => {
                 of_facet = mesh.facet_vertices(facets[position]);
                 of_facet.vertices()
+            }
+            Support::Edges(edges) => {
+                of_edge = mesh.edge_ends(edges[position]);
+                &of_edge
             }
         };
         for (node, corners) in space.entity_nodes(position).iter().zip(corners) {

@@ -24,6 +24,8 @@ pub enum Support {
     Cells(Vec<CellId>),
     /// On facets, in this order, each in the parameters of its own side.
     Facets(Vec<FacetRef>),
+    /// On edges of facets, in this order; each facet that meets there has the edge.
+    Edges(Vec<FaceEdge>),
 }
 
 /// A scalar Lagrange space on part of a mesh. Its nodes carry one value a component; a position is
@@ -41,6 +43,8 @@ pub struct Space {
     position_of_cell: Vec<u32>,
     /// Facets of the support with their positions, sorted; empty for a space on cells.
     position_of_facet: Vec<(FacetRef, u32)>,
+    /// Edges of the support with their positions, sorted; empty for other spaces.
+    position_of_edge: Vec<((FacetRef, u8), u32)>,
     /// The other sides of those facets that have one, with their nodes as seen from there, sorted.
     behind: Vec<(FacetRef, Vec<u32>)>,
     elements: Vec<Option<Element>>,
@@ -129,6 +133,18 @@ impl Space {
         Ok(space)
     }
 
+    /// The continuous space of degree one on edges of facets: in space with the ends of the edges for nodes, in the plane
+    /// with the points where lines end or meet. Facets that meet at an edge have its nodes in common.
+    ///
+    /// # Errors
+    /// [`ElementError`] when an edge has no element.
+    pub fn on_edges(mesh: &Mesh, topology: &Topology, edges: &[FaceEdge]) -> Result<Space, ElementError> {
+        let kinds: Vec<CellKind> = edges.iter().map(|edge| mesh.edge_kind(*edge)).collect();
+        let mut space = Space::empty(kinds, Support::Edges(edges.to_vec()), 1, Family::Continuous)?;
+        space.number(mesh, topology);
+        Ok(space)
+    }
+
     fn empty(kinds: Vec<CellKind>, support: Support, degree: usize, family: Family) -> Result<Space, ElementError> {
         let family = if degree == 0 { Family::Discontinuous } else { family };
         let mut elements = vec![None; CellKind::ALL.len()];
@@ -147,6 +163,7 @@ impl Space {
             coordinates: Vec::new(),
             position_of_cell: Vec::new(),
             position_of_facet: Vec::new(),
+            position_of_edge: Vec::new(),
             behind: Vec::new(),
             elements,
             numbering: Numbering::default(),
@@ -200,6 +217,10 @@ impl Space {
                 self.position_of_facet = facets.iter().copied().zip(0..).collect();
                 self.position_of_facet.sort_unstable();
             }
+            Support::Edges(edges) => {
+                self.position_of_edge = edges.iter().map(|edge| (edge.face, edge.local)).zip(0..).collect();
+                self.position_of_edge.sort_unstable();
+            }
         }
     }
 
@@ -215,6 +236,7 @@ impl Space {
             let key = match &self.support {
                 Support::Cells(cells) => context.cell_key(cells[position], element, *entity),
                 Support::Facets(facets) => context.facet_key(facets[position], element, *entity),
+                Support::Edges(edges) => context.edge_key(edges[position], *entity),
             };
             let node = self.numbering.node(key, &mut own);
             self.nodes.push(node);
@@ -225,6 +247,7 @@ impl Space {
                 self.coordinates[node as usize] = match &self.support {
                     Support::Cells(cells) => context.mesh.point_at(cells[position], table, dof),
                     Support::Facets(facets) => context.mesh.facet_point_at(facets[position], table, dof),
+                    Support::Edges(edges) => context.mesh.node(context.mesh.edge_ends(edges[position])[dof]),
                 };
             }
         }
@@ -310,6 +333,14 @@ impl Space {
         let place = self.behind.binary_search_by_key(&facet, |entry| entry.0).ok()?;
         let nodes = &self.behind[place].1;
         self.elements.iter().flatten().find(|e| e.n_dofs() == nodes.len()).map(|e| (e, nodes.as_slice()))
+    }
+
+    /// Element and nodes of an edge of a facet of the support, in the parameter of the edge; `None` for other spaces.
+    #[must_use]
+    pub fn on_edge(&self, facet: FacetRef, local: u8) -> Option<(&Element, &[u32])> {
+        let place = self.position_of_edge.binary_search_by_key(&(facet, local), |entry| entry.0).ok()?;
+        let position = self.position_of_edge[place].1 as usize;
+        Some((self.element_at(position), self.entity_nodes(position)))
     }
 
     /// Finds the nodes of the other sides of the facets, which are where those of the facets are.
@@ -485,6 +516,12 @@ impl Context<'_> {
                 DofKey { entity, index: oriented(ends, index, along), count: along }
             }
         }
+    }
+
+    /// The key of a dof of an element of degree one.
+    fn edge_key(&self, edge: FaceEdge, entity: DofEntity) -> DofKey {
+        let DofEntity::Vertex(vertex) = entity else { unreachable!("all dofs are at the ends") };
+        single(Entity::Vertex(self.mesh.edge_ends(edge)[vertex].index()))
     }
 
     fn facet_key(&self, facet: FacetRef, element: &Element, entity: DofEntity) -> DofKey {

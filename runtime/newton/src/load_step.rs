@@ -175,7 +175,7 @@ impl LoadStep<'_> {
         let written = system.residual(u, &self.form())?;
         let mut sizes = system.sizes(u, &written, self.tangent);
         let positions = system.sizes_of_positions(self.tangent);
-        let scales = self.scales(u, &written, [&sizes, &positions])?;
+        let mut scales = self.scales(u, &written, [&sizes, &positions])?;
         let summands = system.summands(u, &written);
         // against a scale without bound every residual is small
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
@@ -183,6 +183,9 @@ impl LoadStep<'_> {
         sizes.iter_mut().zip(&summands).for_each(|(size, summand)| *size += summand);
         let is_multiplier = |k: usize| system.fields[k].kind == FieldKind::Multiplier;
         let mut all = self.field_measures(u, &written, [&sizes, &summands], &scales);
+        if all.is_open_by(is_multiplier, self.options.tolerance) && self.are_nothing(u, &mut scales) {
+            all = self.field_measures(u, &written, [&sizes, &summands], &scales);
+        }
         let settled = all.are_settled(is_multiplier, self.options.tolerance);
         let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
         let mut bounded = settled;
@@ -238,6 +241,23 @@ impl LoadStep<'_> {
         }
         all.of_all(system.team());
         all
+    }
+
+    /// Finds multipliers that are nothing but rounding beside the forces: that is what their equations are relative to then,
+    /// within the tolerance where rounding is all that is left.
+    fn are_nothing(&self, u: &[f64], scales: &mut Scales) -> bool {
+        let system = self.system;
+        let mut values = system.largest_by_field(u);
+        system.team().max(&mut values);
+        let rounding = FLOOR_FACTOR * f64::EPSILON;
+        let mut found = false;
+        for (field, [value, size]) in system.multipliers_beside(&scales.scales, self.tangent).into_iter().enumerate() {
+            let scale = rounding / self.options.tolerance * size;
+            if value > 0.0 && values[field] <= rounding * value && scale > scales.scales[field] {
+                (scales.scales[field], found) = (scale, true);
+            }
+        }
+        found
     }
 
     /// Whether what is left may be what cancels inside the laws of bodies: of a gradient beside 1, as in `F - Inv(F)'`, the

@@ -83,12 +83,21 @@ impl FieldMeasures {
     /// nothing of another. The equation of a multiplier has what rounding leaves of the displacements in it, which its own
     /// numbers do not tell. Not finite, a floor says that nothing is known, not that nothing is left to do.
     pub(crate) fn are_settled(&self, is_multiplier: impl Fn(usize) -> bool, tolerance: f64) -> bool {
-        let of_forces = self.fields.iter().filter(|f| !f.single).fold(0.0f64, |m, f| m.max(f.floor));
-        self.fields.iter().enumerate().all(|(k, f)| {
-            let least = if is_multiplier(k) { of_forces } else { f.floor };
-            let rounded = if f.single { !f.open } else { !f.steep && least.is_finite() && f.relative <= least };
-            f.relative <= tolerance || rounded
-        })
+        (0..self.fields.len()).all(|k| self.is_settled(k, &is_multiplier, tolerance))
+    }
+
+    /// True if multipliers alone keep all open.
+    pub(crate) fn is_open_by(&self, is_multiplier: impl Fn(usize) -> bool, tolerance: f64) -> bool {
+        let mut open = (0..self.fields.len()).filter(|k| !self.is_settled(*k, &is_multiplier, tolerance)).peekable();
+        open.peek().is_some() && open.all(&is_multiplier)
+    }
+
+    fn is_settled(&self, k: usize, is_multiplier: &impl Fn(usize) -> bool, tolerance: f64) -> bool {
+        let f = &self.fields[k];
+        let of_forces = || self.fields.iter().filter(|f| !f.single).fold(0.0f64, |m, f| m.max(f.floor));
+        let least = if is_multiplier(k) { of_forces() } else { f.floor };
+        let rounded = if f.single { !f.open } else { !f.steep && least.is_finite() && f.relative <= least };
+        f.relative <= tolerance || rounded
     }
 }
 
@@ -115,6 +124,16 @@ mod tests {
         all.add_forces(0, 1e-13, 1.0, [1e-8, f64::INFINITY]);
         all.add_forces(1, 1e-9, 1.0, [1e-12, f64::INFINITY]);
         assert!(all.are_settled(|k| k == 1, 1e-10) && !all.are_settled(|_| false, 1e-10));
+    }
+
+    #[test]
+    fn multipliers_alone_are_open_where_the_forces_are_in_balance() {
+        let mut all = FieldMeasures::new(2);
+        all.add_forces(0, 1e-13, 1.0, [1e-15, f64::INFINITY]);
+        all.add_forces(1, 1e-30, 1e-30, [1e-46, f64::INFINITY]);
+        assert!(all.is_open_by(|k| k == 1, 1e-10) && !all.is_open_by(|k| k == 0, 1e-10));
+        all.add_forces(0, 1e-3, 1.0, [1e-15, f64::INFINITY]);
+        assert!(!all.is_open_by(|k| k == 1, 1e-10));
     }
 
     #[test]

@@ -375,6 +375,7 @@ fn by_cell(system: &System, products: &[f64], adjoint: &[f64]) -> Vec<[f64; 3]> 
             let (element, nodes) = (space.element_at(position), space.entity_nodes(position));
             let (cell, axes) = match space.support() {
                 Support::Cells(cells) => (cells[position], [0, 1, 2]),
+                Support::Edges(edges) => (edges[position].face.cell, [0, 1, 2]),
                 Support::Facets(facets) => {
                     let at = facets[position];
                     (at.cell, axes_of(system.mesh.kind(at.cell), usize::from(at.local)))

@@ -194,6 +194,7 @@ pub(super) fn to_cells(system: &System, each: &[f64], parts: &mut [f64]) {
             let cell = match space.support() {
                 Support::Cells(cells) => cells[position],
                 Support::Facets(facets) => facets[position].cell,
+                Support::Edges(edges) => edges[position].face.cell,
             };
             for node in space.entity_nodes(position) {
                 let node = *node as usize;

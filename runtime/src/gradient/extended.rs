@@ -220,6 +220,7 @@ impl<'a> Extended<'a> {
         let kind = match domain.over {
             crate::assemble::Over::Facets if two_sides => PlaceKind::Interface,
             crate::assemble::Over::Facets => PlaceKind::Facets,
+            crate::assemble::Over::Edges if two_sides => PlaceKind::InnerEdges,
             crate::assemble::Over::Edges => PlaceKind::Edges,
             _ => PlaceKind::Cells,
         };
@@ -227,7 +228,7 @@ impl<'a> Extended<'a> {
             name: "here".to_owned(),
             kind,
             here: vec![true; n],
-            there: vec![kind == PlaceKind::Interface; n],
+            there: vec![kind.has_two_sides(); n],
             entities: Vec::new(),
             description: "a region of the scene".to_owned(),
             here_name: None,

@@ -131,6 +131,7 @@ fn cell_group(mesh: &Mesh, cell: CellId, points: Vec<[f64; 3]>) -> Group {
         parameters: points,
         tangents: None,
         edge: None,
+        edge_there: None,
         areas: None,
         reference_normal: [0.0; 3],
         is_global: false,

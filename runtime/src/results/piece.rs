@@ -58,10 +58,12 @@ impl PartOfPiece {
         let facet = |position: usize| match support {
             Support::Cells(cells) => (cells[position], u8::MAX),
             Support::Facets(facets) => (facets[position].cell, facets[position].local),
+            Support::Edges(edges) => (edges[position].face.cell, edges[position].face.local),
         };
         let is_counted = (0..space.n_positions()).map(|position| match support {
             Support::Cells(cells) => mesh.counts_cell(cells[position]),
             Support::Facets(facets) => mesh.counts_facet(facets[position]),
+            Support::Edges(edges) => mesh.counts_facet(edges[position].face),
         });
         let (owners, own) = (owners_of_space(space, mesh, part), part.team().rank());
         // what an owner is asked: which node of which entity

@@ -419,8 +419,7 @@ impl ConstraintMaker<'_> {
             return Some(());
         }
         let d = Diagnostic::new(Code::E405, format!("`{}` has nodes inside the edges of `{}`", field.name, place.name));
-        let text =
-            "values there would stay free: of a field of a higher degree that does not live on faces, and of crossings";
+        let text = "values there would stay free: of a field of a higher degree that does not live on faces";
         self.diagnostics.push(d.at(place.span, text).help("a region of faces at the rim, or an element of degree 1"));
         None
     }

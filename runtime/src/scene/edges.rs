@@ -1,8 +1,9 @@
-//! Where the faces of a surface end and meet: `nodes of s`, `rim of s`, `crossings of s`.
+//! Where the faces of a surface end and meet: `nodes of s`, `rim of s`, `interior of s`, `crossings of s`.
 //!
 //! In the plane faces are lines and meet at points, in space they meet along edges. Promises: nodes are those of the
-//! vertices of the cells; the edges of a rim have one face each, from which they are seen. Nodes and edges are picked by one
-//! condition: an edge is taken where it holds at its ends and in its middle.
+//! vertices of the cells; the edges of a rim have one face each, from which they are seen, those of the interior two, and
+//! are seen from the first one, those of crossings are seen from each of their faces. A face that a region has from both of its cells is one face. Nodes and edges are picked
+//! by one condition: an edge is taken where it holds at its ends and in its middle.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -16,17 +17,17 @@ use wfl::{
 
 use crate::mesh::{FaceEdge, FacetRef, Mesh, NodeId};
 
-/// Nodes of a surface, and the edges of a rim.
+/// Nodes of a surface, and the edges of a rim or between its faces.
 pub(super) struct Ends {
     pub(super) nodes: Vec<NodeId>,
-    /// `None` for nodes that are those of no rim.
+    /// `None` for `nodes of`.
     pub(super) edges: Option<Vec<FaceEdge>>,
 }
 
-/// The nodes of some faces that are picked: all of them, those of edges with one face, or with three and more.
+/// The nodes of some faces that are picked: all of them, those of edges with one face, with two, or with three and more.
 ///
 /// # Errors
-/// E405 for what a region of edges would be needed for, or where faces have no edges.
+/// E405 where faces have no edges.
 pub(super) fn between(
     mesh: &Mesh,
     entity: EntityKind,
@@ -36,14 +37,7 @@ pub(super) fn between(
     let wanted: fn(usize) -> bool = match entity {
         EntityKind::Rim => |n| n == 1,
         EntityKind::Crossings => |n| n > 2,
-        EntityKind::Interior => {
-            let d = Diagnostic::new(
-                Code::E405,
-                "`interior` is that of the mesh: jumps between faces of a surface are not available",
-            );
-            let text = "a region of edges between two faces, which has no values of its own";
-            return Err(d.at(span, text).help("`interior` alone: the inner faces of all cells").into());
-        }
+        EntityKind::Interior => |n| n == 2,
         _ => |_| true,
     };
     let faces_at = faces_at(mesh, faces);
@@ -53,9 +47,16 @@ pub(super) fn between(
     }
     let found = || faces_at.iter().filter(|(_, faces)| wanted(faces.len()));
     let nodes: BTreeSet<NodeId> = found().flat_map(|(ends, _)| ends).copied().collect();
-    let mut edges: Vec<FaceEdge> = found().map(|(_, faces)| faces[0]).collect();
+    let of = |faces: &Vec<FaceEdge>| match faces[..] {
+        [edge, there] => FaceEdge { across: Some((there.face, there.local)), ..edge },
+        _ => faces[0],
+    };
+    let mut edges: Vec<FaceEdge> = match entity {
+        EntityKind::Crossings => found().flat_map(|(_, faces)| faces).copied().collect(),
+        _ => found().map(|(_, faces)| of(faces)).collect(),
+    };
     edges.sort_unstable();
-    let edges = (entity == EntityKind::Rim).then_some(edges);
+    let edges = (entity != EntityKind::Nodes).then_some(edges);
     Ok(Ends { nodes: nodes.into_iter().collect(), edges })
 }
 
@@ -67,11 +68,18 @@ pub(super) fn rim(mesh: &Mesh, faces: &[FacetRef]) -> Vec<FaceEdge> {
 /// By the ends of an edge, sorted, the faces that have it.
 fn faces_at(mesh: &Mesh, faces: &[FacetRef]) -> BTreeMap<Vec<NodeId>, Vec<FaceEdge>> {
     let mut found: BTreeMap<Vec<NodeId>, Vec<FaceEdge>> = BTreeMap::new();
-    for edge in faces.iter().flat_map(|face| mesh.edges_of_face(*face)) {
+    let mut seen: BTreeSet<Vec<NodeId>> = BTreeSet::new();
+    let is_first = |face: &&FacetRef| {
+        let mut vertices = mesh.facet_vertices(**face).vertices().to_vec();
+        vertices.sort_unstable();
+        seen.insert(vertices)
+    };
+    for edge in faces.iter().filter(is_first).flat_map(|face| mesh.edges_of_face(*face)) {
         let mut ends = mesh.edge_ends(edge);
         ends.sort_unstable();
         found.entry(ends).or_default().push(edge);
     }
+    found.values_mut().for_each(|edges| edges.sort_unstable());
     found
 }
 
@@ -103,16 +111,26 @@ impl Ends {
 /// True for a region that has edges of faces in it: in space their middles are nodes of degree two, and loads on them are
 /// per length.
 pub(super) fn are_in(script: &ResolvedScript, region: &str) -> bool {
-    let declared = script.regions.iter().find(|r| r.name.name == region);
-    declared.is_some_and(|r| has_edges(script, &r.region, region))
+    has_kind(script, region, &[EntityKind::Rim, EntityKind::Interior, EntityKind::Crossings])
 }
 
-fn has_edges(script: &ResolvedScript, region: &RegionExpr, own: &str) -> bool {
+/// True for a region made of crossings.
+pub(super) fn cross(script: &ResolvedScript, region: &str) -> bool {
+    has_kind(script, region, &[EntityKind::Crossings])
+}
+
+fn has_kind(script: &ResolvedScript, region: &str, kinds: &[EntityKind]) -> bool {
+    let declared = script.regions.iter().find(|r| r.name.name == region);
+    declared.is_some_and(|r| has_edges(script, &r.region, (region, kinds)))
+}
+
+fn has_edges(script: &ResolvedScript, region: &RegionExpr, wanted: (&str, &[EntityKind])) -> bool {
+    let (own, kinds) = wanted;
     match region {
-        RegionExpr::Picked { entity, .. } => matches!(entity, EntityKind::Rim | EntityKind::Crossings),
-        RegionExpr::Name(name) => name.name != own && are_in(script, &name.name),
+        RegionExpr::Picked { entity, .. } => kinds.contains(entity),
+        RegionExpr::Name(name) => name.name != own && has_kind(script, &name.name, kinds),
         RegionExpr::Combine(first, rest) => {
-            has_edges(script, first, own) || rest.iter().any(|(_, part)| has_edges(script, part, own))
+            has_edges(script, first, wanted) || rest.iter().any(|(_, part)| has_edges(script, part, wanted))
         }
         _ => false,
     }

@@ -13,7 +13,7 @@ use crate::{
     assemble::{Domain, entity_geometries},
     element::{ElementError, Family},
     field::{Field, FieldSpace},
-    mesh::{FacetRef, Mesh, Polynomials, RegionSet, Topology},
+    mesh::{FaceEdge, FacetRef, Mesh, Polynomials, RegionSet, Topology},
     point_space::PointSpace,
     quadrature::vertex,
     scene::{
@@ -79,7 +79,7 @@ impl FieldMaker<'_> {
             None => self.space(declared, &name)?,
         };
         let degree = space.degree();
-        let on_faces = matches!(space.support(), Support::Facets(_));
+        let on_faces = !matches!(space.support(), Support::Cells(_));
         let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space) };
         Some((field, FieldSig { name, shape, degree, kind, global: false, on_faces }))
     }
@@ -98,8 +98,18 @@ impl FieldMaker<'_> {
                 let facets: Vec<FacetRef> = pairs.iter().map(|p| p.here).collect();
                 Space::on_facets(mesh, topology, &facets, degree, family)
             }
+            RegionSet::Edges(edges) if !has_neighbours(&edges, mesh) => {
+                if degree != 1 || family != Family::Continuous {
+                    let text = "where faces end or cross a field is linear along the edges and has one value a node";
+                    let d = Diagnostic::new(Code::E406, text).at(declared.space.span, "");
+                    self.diagnostics.push(d.help("no element, or P1 (Q1 on quadrilaterals and hexahedra)"));
+                    return None;
+                }
+                Space::on_edges(mesh, topology, &edges)
+            }
             RegionSet::Edges(_) | RegionSet::Nodes(_) => {
-                let d = Diagnostic::new(Code::E405, "a field is defined on cells or faces, not on nodes");
+                let text = "a field is defined on cells or faces, or where faces end or cross: not on nodes or between two faces";
+                let d = Diagnostic::new(Code::E405, text);
                 let help = "a field of faces has one value where they end or cross: on the surface itself, with `fix` or `load` on \
                             the region of nodes";
                 self.diagnostics.push(d.at(declared.space.span, "").help(help));
@@ -148,8 +158,11 @@ fn state_points(
         return None;
     }
     let set = support(&declared.space.place, &declared.name, regions, diagnostics)?;
+    let is_edges = matches!(set, RegionSet::Edges(_));
     match Domain::new(mesh, &set, &vertex) {
-        Ok(domain) if !mesh.is_whole() || !domain.groups.is_empty() => Some(PointSpace::new(mesh, &domain)),
+        Ok(domain) if !is_edges && (!mesh.is_whole() || !domain.groups.is_empty()) => {
+            Some(PointSpace::new(mesh, &domain))
+        }
         Ok(_) => {
             let d = Diagnostic::new(Code::E405, "a state is defined on cells or faces, not on nodes");
             diagnostics.push(d.at(declared.space.span, ""));
@@ -275,10 +288,10 @@ pub(super) fn support(
     }
     let mut total: Option<RegionSet> = None;
     for region in names {
-        let set = &regions.get(&region.name)?.set;
+        let set = regions.get(&region.name)?.support();
         total = Some(match total {
-            None => set.clone(),
-            Some(t) => match t.union(set) {
+            None => set,
+            Some(t) => match t.union(&set) {
                 Ok(u) => u,
                 Err(e) => {
                     let d = Diagnostic::new(Code::E405, format!("`{}` cannot live on these regions: {e}", name.name));
@@ -301,7 +314,11 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
             false => (PlaceKind::Facets, format!("{} faces with one side", f.len())),
         },
         RegionSet::Interface(i) => (PlaceKind::Interface, format!("an interface of {} faces", i.len())),
-        RegionSet::Edges(e) => (PlaceKind::Edges, edges_in_words(e.len(), mesh.dim())),
+        RegionSet::Edges(e) => {
+            let two_sides = has_neighbours(e, mesh);
+            let kind = if two_sides { PlaceKind::InnerEdges } else { PlaceKind::Edges };
+            (kind, edges_in_words(e.len(), mesh.dim(), two_sides))
+        }
         RegionSet::Nodes(n) => (PlaceKind::Global, format!("a region of {} nodes", n.len())),
     };
     let lives = |field: &Field| match &support {
@@ -310,7 +327,10 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
         RegionSet::Interface(i) => {
             (i.iter().all(|p| field.lives_on_facet(p.here)), i.iter().all(|p| field.lives_on_facet(p.there)))
         }
-        RegionSet::Edges(e) => (e.iter().all(|e| field.lives_on_facet(e.face)), false),
+        RegionSet::Edges(e) => {
+            let across = |e: &FaceEdge| e.across.is_some_and(|(face, _)| field.lives_on_facet(face));
+            (e.iter().all(|e| field.lives_on_edge(*e)), e.iter().all(across))
+        }
         RegionSet::Nodes(_) => (false, false),
     };
     let (mut here, mut there): (Vec<bool>, Vec<bool>) = fields.iter().map(lives).unzip();
@@ -329,10 +349,25 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
     }
 }
 
-/// A rim for messages.
-fn edges_in_words(n: usize, dim: usize) -> String {
-    let (one, many) = if dim < 3 { ("end", "ends") } else { ("edge", "edges") };
-    format!("{n} {} of faces", if n == 1 { one } else { many })
+/// True where all edges are seen from one face with the face across, on all ranks.
+pub(super) fn has_neighbours(edges: &[FaceEdge], mesh: &Mesh) -> bool {
+    let all = edges.iter().all(|edge| edge.across.is_some());
+    if mesh.is_whole() {
+        return all && !edges.is_empty();
+    }
+    let (all, any) = (mesh.team().all(all), mesh.team().any(!edges.is_empty()));
+    all && any
+}
+
+/// A rim or what lies between faces, for messages.
+fn edges_in_words(n: usize, dim: usize, two_sides: bool) -> String {
+    let (one, many) = match (dim < 3, two_sides) {
+        (true, true) => ("point", "points"),
+        (true, false) => ("end", "ends"),
+        _ => ("edge", "edges"),
+    };
+    let what = if two_sides { "between two faces" } else { "of faces" };
+    format!("{n} {} {what}", if n == 1 { one } else { many })
 }
 
 /// The place of terms on `global`.

@@ -16,7 +16,7 @@ use super::Parts;
 use crate::{
     element::Family,
     field::{Field, FieldSpace},
-    mesh::{InterfaceFacet, RegionSet},
+    mesh::{FaceEdge, InterfaceFacet, RegionSet},
     space::Support,
 };
 
@@ -30,10 +30,13 @@ pub(super) fn check(
     diagnostics: &mut Vec<Diagnostic>,
 ) {
     // found with the whole mesh
-    let RegionSet::Interface(faces) = set else { return };
     if !parts.mesh.is_whole() {
         return;
     }
+    if let RegionSet::Edges(edges) = set {
+        along(parts, place, edges, jumps, diagnostics);
+    }
+    let RegionSet::Interface(faces) = set else { return };
     for jump in jumps {
         let Some(origin) = jump.origin else { continue };
         if faces.is_empty() || !jump.fields.iter().all(|f| is_one_valued(parts, *f, faces)) {
@@ -51,6 +54,32 @@ pub(super) fn check(
                 diagnostics.push(locate(d, origin, parts.env.expansions, text));
             }
         }
+    }
+}
+
+/// The same from face to face of a surface: continuous fields on faces have one value on an edge.
+fn along(parts: Parts<'_>, place: &str, edges: &[FaceEdge], jumps: &[ValueJump], diagnostics: &mut Vec<Diagnostic>) {
+    let is_one_valued = |f: &FieldId| match &parts.fields[f.index()].space {
+        FieldSpace::Nodal(space) => {
+            space.family() == Family::Continuous && matches!(space.support(), Support::Facets(_)) && !space.is_split()
+        }
+        _ => false,
+    };
+    for jump in jumps {
+        let (Some(origin), Some(first)) = (jump.origin, jump.fields.first()) else { continue };
+        if !jump.fields.iter().all(is_one_valued) {
+            continue;
+        }
+        let name = &parts.fields[first.index()].name;
+        let message = format!("the jump of `{name}` over `{place}` is zero");
+        if let Some(told) = diagnostics.iter_mut().find(|d| d.code == Code::W417 && d.message == message) {
+            add_place(parts, told, origin);
+            continue;
+        }
+        let d = Diagnostic::new(Code::W417, message);
+        let d = d.help(format!("a discontinuous element of `{name}`, such as DP0"));
+        let text = format!("`{name}` has one value on both sides of all {} edges between faces", edges.len());
+        diagnostics.push(locate(d, origin, parts.env.expansions, text));
     }
 }
 

@@ -237,7 +237,7 @@ fn cells_of(field: &Field) -> Option<&[CellId]> {
     match &field.space {
         FieldSpace::Nodal(space) => match space.support() {
             Support::Cells(cells) => Some(cells),
-            Support::Facets(_) => None,
+            Support::Facets(_) | Support::Edges(_) => None,
         },
         _ => None,
     }

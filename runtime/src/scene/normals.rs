@@ -54,6 +54,7 @@ fn nodes_of(mesh: &Mesh, space: &Space, facet: FacetRef) -> Option<Vec<(u32, [f6
             let closure = element.facet_closure(usize::from(facet.local));
             Some(closure.iter().map(|dof| (nodes[*dof], element.points()[*dof])).collect())
         }
+        Support::Edges(_) => None,
         Support::Facets(_) => {
             let position = space.position_of_facet(facet)?;
             let element = space.element_at(position);

@@ -162,7 +162,7 @@ impl OutputMaker<'_> {
             let mut cells = match &field.space {
                 FieldSpace::Nodal(space) => match space.support() {
                     Support::Cells(cells) => cells.clone(),
-                    Support::Facets(_) => continue,
+                    Support::Facets(_) | Support::Edges(_) => continue,
                 },
                 FieldSpace::Points(space) => space.cells(),
                 FieldSpace::Global => continue,

@@ -121,13 +121,16 @@ impl Scene {
             .collect()
     }
 
-    /// Cells of which one enters the equations of the other across an interface.
+    /// Cells of which one enters the equations of the other across an interface, or along it from face to face.
     fn coupled_cells(&self) -> Vec<(CellId, CellId)> {
         let pairs = self.regions.values().filter_map(|region| match &region.set {
             RegionSet::Interface(pairs) => Some(pairs),
             _ => None,
         });
-        pairs.flatten().map(|pair| (pair.here.cell, pair.there.cell)).collect()
+        let faces = pairs.flatten().map(|pair| (pair.here.cell, pair.there.cell));
+        let edges = self.regions.values().flat_map(|region| region.edges.iter().flatten());
+        let edges = edges.filter_map(|edge| Some((edge.face.cell, edge.across?.0.cell)));
+        faces.chain(edges).collect()
     }
 
     fn unknowns_of(&self, spaces: &[Option<SpacePart>]) -> PartOfUnknowns {
@@ -191,7 +194,14 @@ fn cut(set: &RegionSet, places: &PlacesInPart) -> RegionSet {
 }
 
 fn cut_edges(edges: &[FaceEdge], places: &PlacesInPart) -> Vec<FaceEdge> {
-    edges.iter().filter_map(|edge| Some(FaceEdge { face: places.facet(edge.face)?, ..*edge })).collect()
+    let cut = |edge: &FaceEdge| {
+        let across = match edge.across {
+            Some((face, local)) => Some((places.facet(face)?, local)),
+            None => None,
+        };
+        Some(FaceEdge { face: places.facet(edge.face)?, across, ..*edge })
+    };
+    edges.iter().filter_map(cut).collect()
 }
 
 impl ScenePart {
@@ -325,7 +335,13 @@ fn set(w: &mut Writer, set: &RegionSet) {
             (2, pairs.iter().flat_map(|p| [words(p.here), words(p.there)]).flatten().collect())
         }
         RegionSet::Edges(edges) => {
-            let words = |e: &FaceEdge| words(e.face).into_iter().chain([u32::from(e.local)]);
+            let words = |e: &FaceEdge| {
+                let there = e.across.map_or([u32::MAX; 3], |(face, local)| {
+                    let [cell, facet] = words(face);
+                    [cell, facet, u32::from(local)]
+                });
+                words(e.face).into_iter().chain([u32::from(e.local)]).chain(there)
+            };
             (4, edges.iter().flat_map(words).collect())
         }
         RegionSet::Nodes(nodes) => (3, nodes.iter().map(|node| node.index() as u32).collect()),
@@ -352,8 +368,13 @@ fn read_set(r: &mut Reader<'_>) -> Result<RegionSet, Unreadable> {
             RegionSet::Interface(members.as_chunks().0.iter().map(pair).collect())
         }
         4 => {
-            let edge = |[cell, face, local]: &[u32; 3]| {
-                Ok(FaceEdge { face: facet([*cell, *face]), local: u8::try_from(*local).map_err(|_| Unreadable)? })
+            let small = |local: u32| u8::try_from(local).map_err(|_| Unreadable);
+            let edge = |[cell, face, local, there @ ..]: &[u32; 6]| {
+                let across = match *there {
+                    [u32::MAX, ..] => None,
+                    [cell, face, local] => Some((facet([cell, face]), small(local)?)),
+                };
+                Ok(FaceEdge { face: facet([*cell, *face]), local: small(*local)?, across })
             };
             RegionSet::Edges(members.as_chunks().0.iter().map(edge).collect::<Result<_, _>>()?)
         }
@@ -369,6 +390,7 @@ fn of_space(w: &mut Writer, space: &SpacePart) {
         &match support {
             Support::Cells(cells) => RegionSet::Cells(cells.clone()),
             Support::Facets(facets) => RegionSet::Facets(facets.clone()),
+            Support::Edges(edges) => RegionSet::Edges(edges.clone()),
         },
     );
     w.count(*degree);
@@ -382,6 +404,7 @@ fn read_space(r: &mut Reader<'_>) -> Result<SpacePart, Unreadable> {
     let support = match read_set(r)? {
         RegionSet::Cells(cells) => Support::Cells(cells),
         RegionSet::Facets(facets) => Support::Facets(facets),
+        RegionSet::Edges(edges) => Support::Edges(edges),
         _ => return Err(Unreadable),
     };
     let degree = r.count()?;

@@ -117,7 +117,9 @@ impl TermMaker<'_> {
             );
             let help = match space.support() {
                 Support::Cells(_) => "nodes of a body alone: region tip = nodes of left where x == 0",
-                Support::Facets(_) => "nodes of its faces alone: region tip = nodes where x == 0 and y == 0",
+                Support::Facets(_) | Support::Edges(_) => {
+                    "nodes of its faces alone: region tip = nodes where x == 0 and y == 0"
+                }
             };
             return Err((what, help));
         }

@@ -31,7 +31,8 @@ const CANDIDATES: usize = 20;
 pub struct NamedRegion {
     /// Its members.
     pub set: RegionSet,
-    /// The edges of faces that end at its nodes, of the rim of a surface: what integrals are taken along.
+    /// The edges of faces that end at its nodes, of the rim, the interior and the crossings of a surface: what integrals are
+    /// taken along.
     pub edges: Option<Vec<FaceEdge>>,
     /// Its declaration; `None` for `all`, `boundary` and groups of a mesh file.
     pub span: Option<Span>,
@@ -217,7 +218,8 @@ impl RegionMaker<'_> {
             EntityKind::Faces => "no face of the outer boundary",
             EntityKind::Rim => "no edge with one face alone",
             EntityKind::Crossings => "no edge with three faces or more",
-            EntityKind::Nodes | EntityKind::Interior => "no node",
+            EntityKind::Interior => "no edge between two faces",
+            EntityKind::Nodes => "no node",
         };
         format!("{word}; the mesh spans {}", range.join(", "))
     }

@@ -76,13 +76,14 @@ impl<'s> Sketch<'s> {
             PlaceKind::Cells => "a region of cells",
             PlaceKind::Interface => "an interface",
             PlaceKind::Edges => "edges of faces",
+            PlaceKind::InnerEdges => "edges between faces",
             _ => "faces with one side",
         };
         Some(PlaceSig {
             name: name.to_owned(),
             kind,
             here: vec![true; n],
-            there: vec![kind == PlaceKind::Interface; n],
+            there: vec![kind.has_two_sides(); n],
             entities: Vec::new(),
             description: description.to_owned(),
             here_name: None,
@@ -304,7 +305,10 @@ fn kind_of(script: &ResolvedScript, name: &str) -> Option<PlaceKind> {
                     PlaceKind::Facets
                 });
             }
-            Some(RegionExpr::Picked { entity: EntityKind::Rim, .. }) => return Some(PlaceKind::Edges),
+            Some(RegionExpr::Picked { entity: EntityKind::Rim | EntityKind::Crossings, .. }) => {
+                return Some(PlaceKind::Edges);
+            }
+            Some(RegionExpr::Picked { entity: EntityKind::Interior, .. }) => return Some(PlaceKind::InnerEdges),
             Some(RegionExpr::Picked { .. }) => return None,
             Some(RegionExpr::Interface { .. } | RegionExpr::Along { .. }) | None => return Some(PlaceKind::Interface),
             Some(RegionExpr::Name(n)) if n.name == "all" => return Some(PlaceKind::Cells),

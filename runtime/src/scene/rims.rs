@@ -81,7 +81,11 @@ impl Scene {
         for term in terms {
             let domain = &term.integrator.domain;
             match domain.over {
-                Over::Edges => held.extend(domain.edges().flat_map(|edge| nodes_of(space, edge))),
+                Over::Edges => {
+                    // what goes from face to face is no condition where they end
+                    let ends = domain.edges().filter(|edge| edge.across.is_none());
+                    held.extend(ends.flat_map(|edge| nodes_of(space, edge)));
+                }
                 Over::Points if domain.groups.iter().any(|g| !g.here.facets.is_empty()) => {
                     let points: Vec<[f64; 3]> =
                         (0..domain.n_entities).map(|point| domain.position(&self.system.mesh, point)).collect();
@@ -112,7 +116,7 @@ impl OpenRim {
 
 /// The nodes of a space on an edge of its faces.
 fn nodes_of(space: &Space, edge: FaceEdge) -> Vec<u32> {
-    let FaceEdge { face, local } = edge;
+    let FaceEdge { face, local, .. } = edge;
     let on = |face: FacetRef| space.on_facet(face);
     on(face).map_or_else(Vec::new, |(element, nodes)| {
         element.facet_closure(usize::from(local)).iter().map(|dof| nodes[*dof]).collect()

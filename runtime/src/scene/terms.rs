@@ -19,7 +19,8 @@ use crate::{
     scene::{
         Parts, Scene,
         constants::number,
-        fields::{global_place, place_sig},
+        edges,
+        fields::{global_place, has_neighbours, place_sig},
         regions::NamedRegion,
         rule_choice::end_on_axis,
     },
@@ -169,6 +170,17 @@ impl TermMaker<'_> {
         None
     }
 
+    /// E405 for edges between two faces, of which a load does not say which one it acts on.
+    fn has_two_sides(&mut self, place: &Ident, set: &RegionSet) -> bool {
+        let found = matches!(set, RegionSet::Edges(edges) if has_neighbours(edges, self.parts.mesh));
+        if found {
+            let d = Diagnostic::new(Code::E405, format!("`{}` lies between faces: a load has one side", place.name));
+            let d = d.help("a term has both: term t on inner : q*(Test_p + Interpolate(Test_p, neighbor_element))");
+            self.diagnostics.push(d.at(place.span, "edges with the values of two faces"));
+        }
+        found
+    }
+
     fn load<'s>(
         &mut self,
         numbered: (Origin, &wfl::Condition),
@@ -182,8 +194,10 @@ impl TermMaker<'_> {
         let Some(region) = self.parts.regions.get(&place.name) else { return };
         // in the plane a rim is its points: a force at a node of a body
         let plain = self.parts.mesh.dim() < 3 && !lives_on_faces(&self.parts.fields[position]);
-        let set = Some(if plain { region.set.clone() } else { region.support() });
-        if self.has_edges(place).is_none() {
+        // where faces cross, their edges are counted by each of them: a load is one at the nodes
+        let cross = edges::cross(self.parts.script, &place.name);
+        let set = Some(if plain || cross { region.set.clone() } else { region.support() });
+        if !cross && self.has_edges(place).is_none() {
             return;
         }
         let Some(Some(of_list)) = list.rest(self.parts.mesh, place, set, self.diagnostics) else { return };
@@ -192,6 +206,9 @@ impl TermMaker<'_> {
         let name = format!("load{} of {} on {}", k + 1, target.field.name, place.name);
         if let RegionSet::Nodes(nodes) = &of_list {
             self.point_load((origin, load), &name, target, place, nodes, out);
+            return;
+        }
+        if self.has_two_sides(place, &of_list) {
             return;
         }
         let set = restricted(field, &of_list);
@@ -326,7 +343,7 @@ pub(super) fn restricted(field: &Field, set: &RegionSet) -> RegionSet {
             RegionSet::Interface(i.iter().copied().filter(|p| field.lives_on_facet(p.here)).collect())
         }
         RegionSet::Edges(edges) => {
-            RegionSet::Edges(edges.iter().copied().filter(|e| field.lives_on_facet(e.face)).collect())
+            RegionSet::Edges(edges.iter().copied().filter(|e| field.lives_on_edge(*e)).collect())
         }
         RegionSet::Nodes(n) => RegionSet::Nodes(n.clone()),
     }

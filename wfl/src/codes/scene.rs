@@ -29,7 +29,7 @@ pages! {
     page(
         E405,
         "a region of the wrong kind",
-        "Terms are integrated over cells, faces or the rim of faces, fields are defined on cells or faces, and an interface \
+        "Terms are integrated over cells, faces or the rim of faces, fields are defined on cells, faces, rims and crossings, and an interface \
          lies between two regions of cells, or along faces inside the mesh. A region of nodes can only be fixed and loaded.",
         "region corner = nodes where x == 0 and y == 0\nterm t on corner : u.Test_u",
         "region side = faces where x == 0\nterm t on side : u.Test_u",

@@ -61,8 +61,19 @@ pub(super) const ROWS: &[StatementRow] = &[
         meaning: "where the faces or the interface `s` end (edges with one face; points in the plane) and where they meet (edges \
                   with three faces or more); `nodes of s` are all nodes of its faces. Their nodes can be fixed. The rim also has \
                   edges: terms, loads per length and measures are taken along them (at points in the plane, where a load is a \
-                  number), and `Conormal` is the unit vector along the faces that points out of them. An edge is taken where \
+                  number), and `Conormal` is the unit vector along the faces that points out of them. Along crossings terms and \
+                  measures are taken once for each face that meets there, and a load is one at the nodes. Fields may live on both: \
+                  `unknown pc : scalar on joints` has one value a node. An edge is taken where \
                   the condition holds at its ends and its middle",
+        default: "",
+    },
+    StatementRow {
+        word: "region",
+        usage: "`region r = interior of s [where condition]`",
+        meaning: "where two faces of the faces or the interface `s` meet (edges in space, points in the plane), seen from one of \
+                  them: `Interpolate(q, neighbor_element)` is the value of the other face, `Conormal` points out of the own \
+                  one, `Interpolate(Conormal, neighbor_element)` out of the other one, and `element_size` is the size of a face. \
+                  Terms and measures are taken there, loads are not",
         default: "",
     },
     StatementRow {

@@ -2,7 +2,7 @@
 
 pub(super) const MEANINGS: &[(&str, &str)] = &[
     ("Normal", "outward unit normal of a face; on an interface it points from the first side to the second"),
-    ("Conormal", "on the rim of a surface: the unit vector along the face that points out of it"),
+    ("Conormal", "on the rim and the interior of a surface: the unit vector along the face that points out of it"),
     ("X", "position of the point, a vector"),
     ("x", "first coordinate of the point"),
     ("y", "second coordinate of the point"),

@@ -156,9 +156,16 @@ impl<'s> Scene<'s> {
         match kind {
             EntityKind::Cells => Some(cell),
             EntityKind::Faces => cell.over(length),
-            EntityKind::Nodes | EntityKind::Crossings => Some(Unit::pure()),
-            EntityKind::Rim | EntityKind::Interior => cell.over(length).and_then(|face| face.over(length)),
+            EntityKind::Nodes => Some(Unit::pure()),
+            EntityKind::Rim | EntityKind::Interior | EntityKind::Crossings => {
+                cell.over(length).and_then(|face| face.over(length))
+            }
         }
+    }
+
+    /// True for a region of crossings, where a load is one at the nodes.
+    pub(super) fn is_crossing(&self, region: &str) -> bool {
+        self.kinds.get(region) == Some(&EntityKind::Crossings)
     }
 
     /// The value of an expression of numbers and params.

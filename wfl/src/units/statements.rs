@@ -235,7 +235,8 @@ impl<'s> Pass<'s> {
         let at = self.scene.outer(&load.value);
         for place in &load.places {
             for target in &load.targets {
-                if let Some(unit) = self.size_of(place).and_then(|s| s.times(&unit)) {
+                let at_nodes = self.scene.is_crossing(&place.name).then(Unit::pure);
+                if let Some(unit) = at_nodes.or_else(|| self.size_of(place)).and_then(|s| s.times(&unit)) {
                     let test = target.field.name.clone();
                     self.add_to(totals, Total { test, unit, at, soft: value.soft, told: false }, &load.value);
                 }
@@ -289,11 +290,11 @@ impl<'s> Pass<'s> {
         let size = match measure.reduction {
             Reduction::Integral => measure.places.first().and_then(|p| self.size_of(p)),
             Reduction::Mean | Reduction::Max | Reduction::Min | Reduction::Value => Some(Unit::pure()),
-            Reduction::Reaction => self.per_unknown(&measure.expr),
-            Reduction::Balance(_) => None,
+            // a balance adds up the equations of its first unknown, as a reaction does
+            Reduction::Reaction | Reduction::Balance(_) => self.per_unknown(&measure.expr),
         };
         let value = match measure.reduction {
-            Reduction::Reaction if size.is_none() => Value::lost(),
+            Reduction::Reaction | Reduction::Balance(_) if size.is_none() => Value::lost(),
             _ => value.map(|u| size.as_ref().and_then(|s| s.times(u))),
         };
         self.units.entry(&measure.name.name).or_insert(value);

@@ -232,6 +232,20 @@ fn reactions_have_the_unit_of_their_equations() {
 }
 
 #[test]
+fn balances_have_the_unit_of_their_equations() {
+    let with = |lines: &str| {
+        found(&scene(&format!(
+            "unknown q : scalar [MPa]\nterm flow on all : l*Grad_q.Grad_Test_q\nbalance heat of q\n{lines}"
+        )))
+    };
+    assert_eq!(with("expect abs(heat_lost) < 1e-9*heat_in\nexpect heat_flow < s*l"), [""; 0]);
+    for wrong in ["expect heat_lost < s", "expect heat_in < 3*l", "measure g = heat_out/l\nexpect g < l"] {
+        let all = with(wrong);
+        assert!(all.len() == 1 && all[0].starts_with("E501"), "{wrong}: {all:#?}");
+    }
+}
+
+#[test]
 fn an_energy_is_differentiated_by_its_unknowns() {
     assert_eq!(found(&scene("energy more on all : s/2*eps:eps")), [""; 0]);
     let all = found(&scene("energy more on all : s*l/2*eps:eps"));

@@ -168,10 +168,12 @@ impl Workspace {
         for (input, _) in wanted {
             match (input, &group.there) {
                 (Input::Geometry(InputSlot::ElementSize(Side::There)), Some(there)) => {
-                    element_size(bound.domain.dim, &there.corners, &self.nodes_there, &mut self.sizes[1]);
+                    let face = group.edge_there.map(|_| there.facet_map().tangents);
+                    element_size(bound.domain.dim, &there.corners, face, &self.nodes_there, &mut self.sizes[1]);
                 }
                 (Input::Geometry(InputSlot::ElementSize(_)), _) => {
-                    element_size(bound.domain.dim, &group.here.corners, &self.nodes_here, &mut self.sizes[0]);
+                    let face = group.edge.and(group.tangents);
+                    element_size(bound.domain.dim, &group.here.corners, face, &self.nodes_here, &mut self.sizes[0]);
                 }
                 _ => {}
             }
@@ -339,10 +341,16 @@ impl Points<'_> {
                     let component = n[usize::from(*k)];
                     if *side == Side::There { Lanes(component.map(|x| -x)) } else { component }
                 }
-                Input::Geometry(InputSlot::Conormal(k)) => {
+                Input::Geometry(InputSlot::Conormal(side, k)) => {
                     let mut conormal = [ZERO; 3];
-                    if let (Some(edge), Some(tangents)) = (&self.group.edge, &self.group.tangents) {
-                        w.here.conormal(D, tangents, edge, &mut conormal);
+                    match (side, &self.group.there, &self.group.edge_there, &self.group.edge) {
+                        (Side::There, Some(there), Some(edge), _) => {
+                            w.there.conormal(D, &there.facet_map().tangents, edge, &mut conormal);
+                        }
+                        (.., Some(edge)) => {
+                            w.here.conormal(D, &self.group.tangents.unwrap_or_default(), edge, &mut conormal);
+                        }
+                        _ => {}
                     }
                     conormal[usize::from(*k)]
                 }
@@ -369,7 +377,7 @@ impl Points<'_> {
             InputSlot::ElementK(side, e) => of(side).jacobian[usize::from(e) % dim][usize::from(e) / dim],
             InputSlot::ElementB(side, e) => of(side).inverse[usize::from(e) / dim][usize::from(e) % dim],
             InputSlot::Normal(..)
-            | InputSlot::Conormal(_)
+            | InputSlot::Conormal(..)
             | InputSlot::Field(_)
             | InputSlot::Previous(_)
             | InputSlot::History(..) => ZERO,

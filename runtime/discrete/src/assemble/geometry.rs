@@ -368,8 +368,12 @@ fn dual_of_one(a: &[Lanes; 3]) -> [Lanes; 3] {
     out
 }
 
-/// The vectors of the plane of two tangents whose products with them are one and zero.
+/// The vectors of the plane of two tangents whose products with them are one and zero; along an edge there is one tangent,
+/// and the second is zero.
 fn dual_of_two([a, b]: &[[Lanes; 3]; 2]) -> [[Lanes; 3]; 2] {
+    if b.iter().all(|component| component.iter().all(|x| *x == 0.0)) {
+        return [dual_of_one(a), [ZERO; 3]];
+    }
     let mut out = [[ZERO; 3]; 2];
     for l in 0..LANES {
         let dot = |u: &[Lanes; 3], v: &[Lanes; 3]| -> f64 { (0..3).map(|i| u[i][l] * v[i][l]).sum() };
@@ -396,10 +400,18 @@ pub(super) fn length(v: [f64; 3]) -> f64 {
 /// The size of each cell of a batch: with the smallest singular value of the gradient of the geometric map, the
 /// largest such value over the nodes of the geometry, times the root of the space dimension. This is the estimate that
 /// GetFEM calls `element_size` (twice its `convex_radius_estimate`, src/getfem_mesh.cc, whose `emax` is the smallest
-/// one); it is the edge of a square or cube times that root.
-pub(super) fn element_size(dim: usize, corners: &Table, nodes: &[[Lanes; 3]], out: &mut Lanes) {
-    #[expect(clippy::cast_precision_loss, reason = "the dimension is 1 to 3")]
-    let root = (dim as f64).sqrt();
+/// one); it is the edge of a square or cube times that root. With the tangents of a facet it is that of the facet, a cell of
+/// one dimension less: the length of a segment.
+pub(super) fn element_size(
+    dim: usize,
+    corners: &Table,
+    face: Option<[[f64; 3]; 2]>,
+    nodes: &[[Lanes; 3]],
+    out: &mut Lanes,
+) {
+    let directions = dim - usize::from(face.is_some());
+    #[expect(clippy::cast_precision_loss, reason = "the dimension is 0 to 3")]
+    let root = (directions as f64).sqrt();
     for (l, size) in out.iter_mut().enumerate() {
         let mut largest = 0.0f64;
         for q in 0..corners.n_points {
@@ -412,10 +424,20 @@ pub(super) fn element_size(dim: usize, corners: &Table, nodes: &[[Lanes; 3]], ou
                     }
                 }
             }
-            largest = largest.max(smallest_singular_value(&jacobian, dim));
+            let value = match &face {
+                Some(tangents) => smallest_along(&jacobian, tangents, directions),
+                None => smallest_singular_value(&jacobian, dim),
+            };
+            largest = largest.max(value);
         }
         *size = root * largest;
     }
+}
+
+/// Of the map of a facet from its parameters, the first `directions` of them.
+fn smallest_along(m: &nalgebra::Matrix3<f64>, tangents: &[[f64; 3]; 2], directions: usize) -> f64 {
+    let [a, b] = tangents.map(|t| m * nalgebra::Vector3::from(t));
+    if directions < 2 { a.norm() } else { nalgebra::Matrix3x2::from_columns(&[a, b]).singular_values().min() }
 }
 
 /// Of the leading `dim` by `dim` block.

@@ -1,12 +1,12 @@
 //! Integrals along the edges of faces: a surface ends there, in the plane at single points.
 //!
 //! A group of edges is one of their faces with its points on one edge: fields, normals and gradients along the face are
-//! those of the face there, and only the measure is that of the edge. Promises: each edge is counted by the rank that
-//! counts its face.
+//! those of the face there, and only the measure is that of the edge. Between two faces it has two sides: of the other one
+//! its own face. Promises: each edge is counted by the rank that counts its face.
 
 use std::collections::BTreeMap;
 
-use super::{Domain, Group, GroupSide, numbers};
+use super::{Domain, Group, GroupSide, Key, numbers};
 use wfl_mesh::{
     mesh::{CellKind, FaceEdge, FacetRef, Mesh},
     quadrature::Rule,
@@ -27,9 +27,12 @@ impl Domain {
     /// The edges of a domain over edges; none of others.
     pub fn edges(&self) -> impl Iterator<Item = FaceEdge> {
         let of_group = |group: &Group| {
-            let local = group.edge.map(|edge| edge.local);
-            let edge = |face: &FacetRef| Some(FaceEdge { face: *face, local: local? });
-            group.here.facets.iter().filter_map(edge).collect::<Vec<_>>()
+            let locals = [group.edge, group.edge_there].map(|edge| edge.map(|edge| edge.local));
+            let edge = |(k, face): (usize, &FacetRef)| {
+                let across = group.there.as_ref().and_then(|there| Some((*there.facets.get(k)?, locals[1]?)));
+                Some(FaceEdge { face: *face, local: locals[0]?, across })
+            };
+            group.here.facets.iter().enumerate().filter_map(edge).collect::<Vec<_>>()
         };
         self.groups.iter().flat_map(of_group)
     }
@@ -40,12 +43,11 @@ pub(super) fn groups(mesh: &Mesh, edges: &[FaceEdge], rule: &dyn Fn(CellKind) ->
     let mut groups: BTreeMap<[u8; 5], Group> = BTreeMap::new();
     for (k, edge) in edges.iter().enumerate() {
         let (kind, local) = (mesh.kind(edge.face.cell), usize::from(edge.face.local));
-        let key = numbers((kind, local, CellKind::Point, 0, usize::from(edge.local) + 1));
+        let key = numbers(key(mesh, edge));
         let group = groups.entry(key).or_insert_with(|| {
             let rule = rule(mesh.edge_kind(*edge));
             let [parameters, points] = mesh.edge_points(*edge, &rule);
-            let face = mesh.facet_kind(edge.face);
-            let two = |x: [f64; 3]| [x[0], x[1]];
+            let there = mesh.points_across(*edge, &rule).zip(edge.neighbour());
             Group {
                 key,
                 is_own: false,
@@ -53,23 +55,58 @@ pub(super) fn groups(mesh: &Mesh, edges: &[FaceEdge], rule: &dyn Fn(CellKind) ->
                 weights: rule.weights,
                 parameters,
                 tangents: Some(kind.facet_map(local).tangents),
-                edge: Some(Edge {
-                    local: edge.local,
-                    along: two(face.facet_map(usize::from(edge.local)).tangents[0]),
-                    outward: two(face.facet_normal(usize::from(edge.local))),
-                }),
+                edge: Some(Edge::new(mesh, *edge)),
+                edge_there: edge.neighbour().map(|there| Edge::new(mesh, there)),
                 areas: None,
                 reference_normal: kind.facet_normal(local),
                 is_global: false,
-                here: GroupSide::new(mesh, kind, points),
-                there: None,
-                there_normal: None,
+                here: side(mesh, *edge, points),
+                there_normal: edge.neighbour().map(|e| mesh.kind(e.face.cell).facet_normal(usize::from(e.face.local))),
+                there: there.map(|(points, there)| side(mesh, there, points)),
                 motion: None,
             }
         });
         group.entities.push(k);
         group.here.cells.push(edge.face.cell);
         group.here.facets.push(edge.face);
+        if let (Some(there), Some(edge)) = (&mut group.there, edge.neighbour()) {
+            there.cells.push(edge.face.cell);
+            there.facets.push(edge.face);
+        }
     }
     groups.into_values().collect()
+}
+
+impl Edge {
+    pub(super) fn new(mesh: &Mesh, edge: FaceEdge) -> Self {
+        let (face, local) = (mesh.facet_kind(edge.face), usize::from(edge.local));
+        let two = |x: [f64; 3]| [x[0], x[1]];
+        let along = two(face.facet_map(local).tangents[0]);
+        Self { local: edge.local, along, outward: two(face.facet_normal(local)) }
+    }
+}
+
+/// What edges with the same reference points have in common.
+fn key(mesh: &Mesh, edge: &FaceEdge) -> Key {
+    let (kind, local) = (mesh.kind(edge.face.cell), usize::from(edge.face.local));
+    // a face has four edges at most
+    let own = 1 + usize::from(edge.local);
+    match edge.neighbour() {
+        None => (kind, local, CellKind::Point, 0, own),
+        Some(there) => {
+            let turned = usize::from(mesh.is_turned_across(*edge));
+            let both = own + 4 * (1 + usize::from(there.local) + 4 * turned);
+            (kind, local, mesh.kind(there.face.cell), usize::from(there.face.local), both)
+        }
+    }
+}
+
+/// One side of a group of edges: sizes are those of its face, taken at the nodes of the face.
+fn side(mesh: &Mesh, edge: FaceEdge, points: Vec<[f64; 3]>) -> GroupSide {
+    let kind = mesh.kind(edge.face.cell);
+    let element = mesh.geometry_element(kind);
+    let nodes = element.facet_closure(usize::from(edge.face.local));
+    let of_face: Vec<[f64; 3]> = nodes.iter().map(|k| element.points()[*k]).collect();
+    let corners = element.tabulate(&of_face, 1);
+    GroupSide { corners, ..GroupSide::new(mesh, kind, points) }
 }

@@ -3,7 +3,7 @@
 //! Promises: nodes are those of the space on the whole mesh, in its order, also where a split ends on another rank.
 
 use super::{Context, Element, ElementError, Entity, Family, Numbering, Space, Support};
-use wfl_mesh::mesh::{CellKind, FacetRef, Mesh, PlacesInPart, Topology};
+use wfl_mesh::mesh::{CellKind, FaceEdge, FacetRef, Mesh, PlacesInPart, Topology};
 use wfl_sparse::index::NONE;
 
 /// A part of a space as it is sent to the rank that works on it.
@@ -46,6 +46,11 @@ impl Space {
                 let kept = facets.iter().enumerate().filter_map(|(k, facet)| Some((k, places.facet(*facet)?)));
                 Support::Facets(kept.inspect(|(k, _)| keep(*k)).map(|(_, facet)| facet).collect())
             }
+            Support::Edges(edges) => {
+                let cut = |edge: &FaceEdge| Some(FaceEdge { face: places.facet(edge.face)?, ..*edge });
+                let kept = edges.iter().enumerate().filter_map(|(k, edge)| Some((k, cut(edge)?)));
+                Support::Edges(kept.inspect(|(k, _)| keep(*k)).map(|(_, edge)| edge).collect())
+            }
         };
         let torn = self.torn.iter().filter_map(|facet| places.facet(*facet)).collect();
         SpacePart { support, degree: self.degree, family: self.family, nodes, n_nodes: self.n_nodes(), torn }
@@ -63,6 +68,7 @@ impl Space {
         let kinds: Vec<CellKind> = match &support {
             Support::Cells(cells) => cells.iter().map(|cell| mesh.kind(*cell)).collect(),
             Support::Facets(facets) => facets.iter().map(|facet| mesh.facet_kind(*facet)).collect(),
+            Support::Edges(edges) => edges.iter().map(|edge| mesh.edge_kind(*edge)).collect(),
         };
         let mut space = Space::empty(kinds, support, degree, family)?;
         let mut numbers = nodes.clone();
@@ -113,6 +119,10 @@ impl Space {
                     Support::Facets(facets) => {
                         let facet = facets[position];
                         (context.facet_key(facet, element, *entity), mesh.facet_point_at(facet, table, dof))
+                    }
+                    Support::Edges(edges) => {
+                        let edge = edges[position];
+                        (context.edge_key(edge, *entity), mesh.node(mesh.edge_ends(edge)[dof]))
                     }
                 };
                 self.coordinates[node as usize] = x;

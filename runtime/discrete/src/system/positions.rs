@@ -57,7 +57,7 @@ impl System {
     }
 
     /// By dof, in the rows of this rank: the sum of |K| of the changing terms over some columns.
-    fn row_sums(&self, tangent: &Tangent, counts: impl Fn(u32) -> bool) -> Vec<f64> {
+    pub(super) fn row_sums(&self, tangent: &Tangent, counts: impl Fn(u32) -> bool) -> Vec<f64> {
         let mut out = vec![0.0; self.numbering.n_dofs];
         for row in 0..self.numbering.n_free() {
             let (columns, values) = tangent.changing.row(row);

@@ -29,6 +29,31 @@ impl System {
             .collect()
     }
 
+    /// By field, for multipliers beside forces of these sizes: the value whose force at nodes is as large as the largest
+    /// force, and what that value is in the equations of the multiplier. Zero for other fields, and where no force acts.
+    /// A traction that a law makes zero has nothing else to be measured against: what it is made of is zero with it.
+    #[must_use]
+    pub fn multipliers_beside(&self, forces: &[f64], tangent: &Tangent) -> Vec<[f64; 2]> {
+        let mut out = vec![[0.0; 2]; self.fields.len()];
+        for (field, found) in out.iter_mut().enumerate() {
+            let (FieldKind::Multiplier, Some(own)) = (self.fields[field].kind, self.range(field)) else { continue };
+            let mut ones = vec![0.0; self.numbering.n_dofs];
+            ones[own].fill(1.0);
+            let (mut part, mut sums) = (ones.clone(), ones.clone());
+            if !self.multiply_linear(&ones, None, [&mut part, &mut sums, &mut []]) {
+                sums.fill(0.0);
+            }
+            let changing = self.row_sums(tangent, |dof| self.field_of(dof as usize) == field);
+            sums.iter_mut().zip(changing).for_each(|(sum, changing)| *sum += changing);
+            let mut rows = self.largest_by_field(&sums);
+            self.team().max(&mut rows);
+            let acts_on = |k: &usize| self.fields[*k].kind == FieldKind::Unknown && rows[*k] > 0.0;
+            let value = largest((0..rows.len()).filter(acts_on).map(|k| forces[k] / rows[k]));
+            *found = [value, value * rows[field]];
+        }
+        out
+    }
+
     /// Whether loads act on the free dofs of a field, or of one whose forces it meets: forces that depend neither on the
     /// unknowns nor on the past.
     #[must_use]

@@ -19,13 +19,25 @@ pub struct FaceEdge {
     pub face: FacetRef,
     /// Local facet of the kind of the face.
     pub local: u8,
+    /// The face on the other side of it and its local facet there, of an edge that is seen together with its neighbour.
+    pub across: Option<(FacetRef, u8)>,
+}
+
+impl FaceEdge {
+    /// The same edge, seen from the face across.
+    #[must_use]
+    pub fn neighbour(&self) -> Option<Self> {
+        let (face, local) = self.across?;
+        Some(Self { face, local, across: Some((self.face, self.local)) })
+    }
 }
 
 impl Mesh {
     /// The edges of a face.
     pub fn edges_of_face(&self, face: FacetRef) -> impl Iterator<Item = FaceEdge> {
         let n = self.facet_kind(face).facets().len();
-        (0..n).map(move |k| FaceEdge { face, local: u8::try_from(k).expect("a face has at most four edges") })
+        let local = |k: usize| u8::try_from(k).expect("a face has at most four edges");
+        (0..n).map(move |k| FaceEdge { face, local: local(k), across: None })
     }
 
     /// The vertices at the ends of an edge, in the order of its map; in the plane one of them.
@@ -52,6 +64,24 @@ impl Mesh {
         [parameters, in_cell]
     }
 
+    /// True where the face across has the ends of an edge in the other order.
+    #[must_use]
+    pub fn is_turned_across(&self, edge: FaceEdge) -> bool {
+        edge.neighbour().is_some_and(|there| self.edge_ends(edge).first() != self.edge_ends(there).first())
+    }
+
+    /// Reference points of the cell of the face across an edge, those of [`Self::edge_points`].
+    #[must_use]
+    pub fn points_across(&self, edge: FaceEdge, rule: &Rule) -> Option<Vec<[f64; 3]>> {
+        let there = edge.neighbour()?;
+        let mut rule = rule.clone();
+        if self.is_turned_across(edge) {
+            rule.points.iter_mut().for_each(|p| p[0] = 1.0 - p[0]);
+        }
+        let [_, points] = self.edge_points(there, &rule);
+        Some(points)
+    }
+
     /// The middle of an edge.
     #[must_use]
     pub fn edge_middle(&self, edge: FaceEdge) -> [f64; 3] {
@@ -66,7 +96,7 @@ impl Mesh {
 #[must_use]
 pub fn edge_lengths(mesh: &Mesh, edges: &[FaceEdge]) -> Vec<f64> {
     let length = |edge: &FaceEdge| {
-        let FaceEdge { face, local } = *edge;
+        let FaceEdge { face, local, .. } = *edge;
         let rule = quadrature::rule(mesh.edge_kind(*edge), 5).expect("rules of low degree exist");
         if rule.kind == CellKind::Point {
             return 1.0;
