@@ -93,7 +93,7 @@ impl Motion<'_> {
                 let along = g.scale(size, n);
                 Some(g.sub(along, turned))
             }
-            Leaf::Conormal => Some(self.of_conormal(g)),
+            Leaf::Conormal(side) => Some(self.of_conormal(g, side)),
             Leaf::ElementSize(side) => Some(self.read(g, self.of.size, side, FieldOp::Value)),
             Leaf::ElementK(side) => {
                 let (k, d) = (g.leaf(leaf), self.gradient(g, side));
@@ -147,8 +147,8 @@ impl Motion<'_> {
         g.neg(all)
     }
 
-    fn of_conormal(self, g: &mut Graph) -> ExprId {
-        let (c, n, d) = (g.leaf(Leaf::Conormal), g.leaf(Leaf::Normal(Side::Here)), self.gradient(g, Side::Here));
+    fn of_conormal(self, g: &mut Graph, side: Side) -> ExprId {
+        let (c, n, d) = (g.leaf(Leaf::Conormal(side)), g.leaf(Leaf::Normal(side)), self.gradient(g, side));
         let turned = g.contract(c, d, &[(0, 0)]);
         let stretched = g.contract(d, c, &[(1, 0)]);
         let both = g.add(turned, stretched);
@@ -169,7 +169,7 @@ impl Motion<'_> {
         let mut sum = g.trace(d, 0, 1);
         let across: &[Leaf] = match self.of.extent {
             Extent::Faces => &[Leaf::Normal(Side::Here)],
-            Extent::Edges => &[Leaf::Normal(Side::Here), Leaf::Conormal],
+            Extent::Edges => &[Leaf::Normal(Side::Here), Leaf::Conormal(Side::Here)],
             _ => &[],
         };
         for leaf in across {

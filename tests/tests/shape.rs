@@ -452,9 +452,8 @@ solver newton with tol=1e-12
     assert!((found.results[1].value / closed - 1.0).abs() < 0.05, "{closed}");
 }
 
-#[test]
-fn what_does_not_follow_a_mesh_is_told() {
-    let text = "wfl 1
+/// A plate whose right side is found by a number.
+const PLATE: &str = "wfl 1
 param L = 1.6
 param n = 4
 mesh box [0,0] to [L,1] cells [n,2] quad
@@ -466,6 +465,10 @@ fix u = 0 on left
 fix u = 1 on right
 measure F = -reaction(u) on left
 ";
+
+#[test]
+fn regions_and_sizes_that_change_with_the_mesh_are_told() {
+    let text = PLATE;
     let told = refused(text, "F", "n");
     assert!(told.contains("E470") && told.contains("the division of the mesh"), "{told}");
     let near: Vec<_> = of(text, "F", "L").near.iter().map(|n| n.finding()).collect();
@@ -481,6 +484,10 @@ measure F = -reaction(u) on left
     near_both_sides(&sized);
     let sized = moving.replace("cells [n,2]", "size 0.4");
     assert!(of(&sized, "F", "L").notes.iter().any(|n| n.contains("the number of cells")));
+}
+
+#[test]
+fn what_does_not_follow_a_mesh_is_refused() {
     let mapped = "wfl 1
 param L = 1
 mesh box [0] to [L] cells [8] segment
@@ -499,7 +506,7 @@ measure F = mean(u^2) on all
     );
     // a region that does not move with the mesh has no derivative
     let picked =
-        moving.replace("param n = 4", "param n = 4\nparam high = 0.7").replace("x == L", "x == L and y < high");
+        PLATE.replace("param n = 4", "param n = 4\nparam high = 0.7").replace("x == 1.6", "x == L and y < high");
     assert!(refused(&picked, "F", "high").contains("stands in a region"));
     let hexes = "wfl 1
 param b = 0.1

@@ -178,6 +178,17 @@ pub(super) fn of_ties(name: &str) -> Box<Diagnostic> {
     Box::new(d.help("differences of whole runs: wfl sweep"))
 }
 
+/// Edges between faces of a mesh that moves: unknowns along them, and the sizes of their faces.
+pub(super) fn of_edges(name: &str, why: &str, place: Option<(&str, Span)>) -> Box<Diagnostic> {
+    let of = place.map_or_else(String::new, |(of, _)| format!(" of `{of}`"));
+    let d = message(format!("`{name}` moves the mesh, and edges{of} have no derivative there yet: {why}"));
+    let d = match place {
+        Some((_, span)) => d.at(span, ""),
+        None => d,
+    };
+    Box::new(d.help("differences of whole runs: wfl sweep"))
+}
+
 /// A normal displacement that is prescribed on faces whose normals turn.
 pub(super) fn of_turning_support(name: &str, span: Span) -> Box<Diagnostic> {
     let d = message(format!("`{name}` turns the normals of this support: that has no derivative yet")).at(span, "");

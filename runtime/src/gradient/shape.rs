@@ -158,6 +158,8 @@ fn each_node(mesh: &Mesh, space: &Space, mut f: impl FnMut(usize, &dyn Fn(&[ByNo
         let (cell, local) = match space.support() {
             Support::Cells(cells) => (cells[position], None),
             Support::Facets(facets) => (facets[position].cell, Some(facets[position].local)),
+            // refused with the others in `limits.rs`
+            Support::Edges(_) => return,
         };
         let kind = mesh.kind(cell);
         let table = tables.entry((kind, local)).or_insert_with(|| {

@@ -1,12 +1,16 @@
 //! What does not follow a mesh that moves: mappings, supports whose normals turn, and nodal rules on faces that bend.
 
 use wfl::{Diagnostic, ResolvedScript, ast::TargetPart};
+use wfl_compiler::types::InputSlot;
 
 use super::ByNode;
 use crate::{
     assemble::Domain,
+    domain::Over,
+    field::FieldSpace,
     gradient::{extended::Extended, refused},
     mesh::{FacetRef, Mesh, RegionSet},
+    space::Support,
 };
 
 /// A face is still, or a parallelogram, within this part of the largest velocity or coordinate: rounding of positions and of a
@@ -31,6 +35,13 @@ pub(super) fn check(
     if scene.system.numbering.has_ties() {
         return Err(refused::of_ties(name));
     }
+    let lives_on_edges = |field: &crate::field::Field| match &field.space {
+        FieldSpace::Nodal(space) => matches!(space.support(), Support::Edges(_)),
+        _ => false,
+    };
+    if let Some(field) = scene.system.fields.iter().find(|field| lives_on_edges(field)) {
+        return Err(refused::of_edges(name, &format!("`{}` lives on edges", field.name), None));
+    }
     let mesh = &scene.system.mesh;
     for fix in &script.fixes {
         if !fix.targets.iter().any(|target| matches!(target.part, TargetPart::Normal)) {
@@ -43,12 +54,19 @@ pub(super) fn check(
         }
     }
     let of_terms = scene.system.terms.iter().zip(&scene.terms);
-    let of_terms = of_terms.map(|(term, told)| (&*term.integrator.domain, told.name.as_str(), told.span));
+    let of_terms = of_terms.map(|(term, told)| {
+        let law = &term.law.inputs;
+        (&*term.integrator.domain, &law[..], told.name.as_str(), told.span)
+    });
     let of_measures = extended.measures.iter().flat_map(|(measure, declared)| {
         let parts = measure.at_points().into_iter().flat_map(|(_, parts)| parts);
-        parts.map(|(_, sampled)| (&*sampled.domain, measure.name.as_str(), declared.span))
+        parts.map(|(value, sampled)| (&*sampled.domain, &value.law.inputs[..], measure.name.as_str(), declared.span))
     });
-    for (domain, of, span) in of_terms.chain(of_measures) {
+    for (domain, inputs, of, span) in of_terms.chain(of_measures) {
+        let reads_size = inputs.iter().any(|slot| matches!(slot, InputSlot::ElementSize(_)));
+        if domain.over == Over::Edges && reads_size {
+            return Err(refused::of_edges(name, "it reads the size of a face", Some((of, span))));
+        }
         if let Some((name, _)) = moving.iter().find(|(_, v)| bends(mesh, domain, v)) {
             return Err(refused::of_nodal_faces(name, (of, span)));
         }
