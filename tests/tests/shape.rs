@@ -522,3 +522,22 @@ measure F = mean(u) on right
     assert!(told.contains("E470") && told.contains("`b` moves the faces of") && told.contains("which bend"), "{told}");
     compared(&hexes.replace("quadrature on right vertex\n", ""), &["F"], &["b"], 1e-8);
 }
+
+/// Formulas of the map reach a parameter through macros and other parameters; without one no positions are kept for it.
+#[test]
+fn a_map_follows_what_its_words_are_made_of() {
+    let text = "wfl 1
+param bend = 0.2
+param twice = 2*bend
+def rise(a) = a*twice/2
+mesh box [0,0] to [1.5,1] cells [6,4] quad map [x, y*(1 + rise(x))]
+region left = faces where x == 0
+unknown u : scalar
+term flow on all : Grad_u.Grad_Test_u - Test_u
+fix u = 0 on left
+measure area = integral(1) on all
+measure mean_ = mean(u) on all
+";
+    let found = compared(text, &["area", "mean_"], &["bend"], 1e-7);
+    near(&found, ("area", "bend"), 1.5 * 1.5 / 2.0, 1e-12);
+}

@@ -54,7 +54,10 @@ impl NearKink {
         // a number is no set of points
         let what = if *of == 0 { String::new() } else { format!("{points} of {of} points of ") };
         Diagnostic::new(Code::W660, format!("{what}`{place}` {kind} at t = {time}{further}"))
-            .at_or_note(*span, "the derivative is that of one side, and another one for changes to the other side")
+            .at_or_note(
+                *span,
+                "each counts with the branch that it is on: for changes to one side the derivative is another one",
+            )
             .help("--one-sided PARAMETER gives those to both sides; differences of runs: wfl verify --gradient")
     }
 

@@ -272,7 +272,7 @@ pub struct Scene {
     pub unused_fields: Vec<String>,
     /// How its mesh was refined; `None` if it was not.
     pub refined: Option<Refined>,
-    /// Where its nodes were before the map of the mesh; nothing without one.
+    /// Where its nodes were before the map of the mesh; nothing without one that parameters change.
     pub(crate) unmapped: Option<Vec<[f64; 3]>>,
     /// The files that were read for it.
     pub inputs: Vec<InputFile>,

@@ -30,7 +30,7 @@ pub(super) struct Findings {
 pub(super) struct Place {
     pub(super) mesh: Mesh,
     pub(super) refined: Option<Refined>,
-    /// Where the nodes were before the map of the mesh; nothing without one.
+    /// Where the nodes were before the map of the mesh; nothing without one that parameters change.
     pub(super) unmapped: Option<Vec<[f64; 3]>>,
     pub(super) topology: Topology,
     pub(super) regions: Regions,

@@ -5,7 +5,11 @@
 //! Promises: conditions and regions of a statement are those of the moved mesh of each round; the moved mesh is usable,
 //! or a message says why not.
 
-use wfl::{Code, Diagnostic, Refinement, ResolvedScript, Span, ast::MeshSource};
+use wfl::{
+    Code, Diagnostic, Refinement, ResolvedScript, Span,
+    ast::{Expr, MeshSource},
+    each_name,
+};
 
 use super::{
     conditions::{ConditionMaker, holds, not_a_number},
@@ -35,12 +39,23 @@ pub struct Refined {
 pub(super) struct Made {
     pub(super) mesh: Mesh,
     pub(super) refined: Option<Refined>,
-    /// Where the nodes were before the map of the mesh; nothing without one.
+    /// Where the nodes were before the map of the mesh; nothing without one that parameters change.
     pub(super) unmapped: Option<Vec<[f64; 3]>>,
 }
 
-fn unmapped(mesh: &Mesh, map: Option<&NodeMap>) -> Option<Vec<[f64; 3]>> {
-    map.map(|_| mesh.nodes().to_vec())
+/// Where the nodes are before the map of the mesh, where that may have to be known again: for derivatives in a parameter that
+/// moves them.
+fn unmapped(script: &ResolvedScript, mesh: &Mesh) -> Option<Vec<[f64; 3]>> {
+    let statement = script.mesh.as_ref()?;
+    let mut formulas: Vec<&Expr> = vec![statement.map.as_ref()?];
+    formulas.extend(statement.source.placing());
+    if let MeshSource::Box { from, to, .. } = &statement.source {
+        formulas.extend([from, to]);
+    }
+    let mut follows = false;
+    let mut look = |word: &str| follows |= script.params.iter().any(|p| p.name.name == word);
+    formulas.into_iter().for_each(|e| each_name(e, &mut look));
+    follows.then(|| mesh.nodes().to_vec())
 }
 
 impl MeshMaker<'_> {
@@ -49,7 +64,7 @@ impl MeshMaker<'_> {
         let (mesh, map) = self.unmoved(read)?;
         let script = self.script;
         if rounds.is_empty() && script.refinements.is_empty() {
-            let unmapped = unmapped(&mesh, map.as_ref());
+            let unmapped = unmapped(script, &mesh);
             return Some(Made { mesh: self.moved(mesh, map.as_ref(), None)?, refined: None, unmapped });
         }
         let mesh_span = script.mesh.as_ref()?.span;
@@ -68,7 +83,7 @@ impl MeshMaker<'_> {
             descents.push(self.checked(descent, mesh_span)?);
         }
         let mesh = refiner.into_mesh();
-        let unmapped = unmapped(&mesh, map.as_ref());
+        let unmapped = unmapped(script, &mesh);
         let mesh = self.moved(mesh, map.as_ref(), Some(&warnings))?;
         let smallest = summary(&mesh).min_size;
         let refined = Some(Refined { cells_before, statements, rounds: descents, smallest });
