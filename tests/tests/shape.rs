@@ -523,7 +523,7 @@ measure F = mean(u) on right
     compared(&hexes.replace("quadrature on right vertex\n", ""), &["F"], &["b"], 1e-8);
 }
 
-/// Formulas of the map reach a parameter through macros and other parameters; without one no positions are kept for it.
+/// Formulas of the map reach a parameter through macros and other parameters.
 #[test]
 fn a_map_follows_what_its_words_are_made_of() {
     let text = "wfl 1
