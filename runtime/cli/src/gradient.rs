@@ -128,10 +128,10 @@ fn text(found: &Gradients) -> String {
         n => format!(", {n} steps computed again"),
     };
     format!(
-        "\n{}  {} solutions with the transposed tangent, {} factors{again}, {:.2} s\n",
+        "\n{}  {} with the transposed tangent, {}{again}, {:.2} s\n",
         table.text(),
-        found.solutions,
-        found.factorisations,
+        wfl_tasks::words::count(found.solutions, "solution"),
+        wfl_tasks::words::count(found.factorisations, "factor"),
         found.seconds
     )
 }
