@@ -80,6 +80,8 @@ pub struct Contact {
     active: ActiveSet,
     /// By term: what its projections were after the last iteration; empty at the start of a step.
     states: Vec<ProjectionState>,
+    /// On the way of the last correction nothing brought the projections nearer to their laws.
+    is_held: bool,
     /// The last two converged states, the later one first: the next is extrapolated from them.
     converged: Vec<ConvergedState>,
     /// The active set belongs to a converged state; else it is chosen anew at the start of a step.
@@ -293,16 +295,24 @@ impl Contact {
 
     /// The part of a full step to `u` after which the projections are nearer to their laws; exact where the bodies are
     /// linear. The next choice of the active set starts from there. The first step is full, and so is one that is not
-    /// to be searched.
+    /// to be searched. Between bodies that are not linear the way is another one than is looked at: where nothing helps on
+    /// two corrections running the second one is taken as it is.
     pub fn search(&mut self, system: &System, u: &[f64], searches: bool) -> f64 {
         let to = self.read(system, u);
         if self.states.is_empty() || !searches {
             self.states = to;
+            self.is_held = false;
             return 1.0;
         }
         let mut from = std::mem::take(&mut self.states);
-        let part = projection_state::search(self, &mut from, &to);
+        let (part, descends) = projection_state::search(self, &mut from, &to);
+        if !descends && self.is_held && system.has_nonlinear_bodies() {
+            self.states = to;
+            self.is_held = false;
+            return 1.0;
+        }
         self.states = from;
+        self.is_held = !descends;
         part
     }
 

@@ -184,20 +184,21 @@ impl ConvergedState {
     }
 }
 
-/// The part of a step that reduces the defect of all terms, and the projections there; `from` and `to` by term.
-pub(super) fn search(contact: &Contact, from: &mut [ProjectionState], to: &[ProjectionState]) -> f64 {
+/// The part of a step that reduces the defect of all terms, and whether one does: else it is that of the best trial; `from`
+/// becomes the projections there. `from` and `to` by term.
+pub(super) fn search(contact: &Contact, from: &mut [ProjectionState], to: &[ProjectionState]) -> (f64, bool) {
     let law = &contact.complementarity;
     let defect = |part: f64| {
         let each = contact.terms.iter().zip(from.iter().zip(to));
         contact.team().total(each.map(|(t, (a, b))| t.defect(law, a, b, part)).sum()).sqrt()
     };
     let start = defect(0.0);
-    let mut best = (f64::INFINITY, 1.0);
+    let (mut best, mut descends) = ((f64::INFINITY, 1.0), false);
     for halvings in 0..=MAX_HALVINGS {
         let part = 0.5f64.powi(halvings);
         let found = defect(part);
         if found <= (1.0 - SUFFICIENT * part) * start {
-            best = (found, part);
+            (best, descends) = ((found, part), true);
             break;
         }
         if found < best.0 {
@@ -205,7 +206,7 @@ pub(super) fn search(contact: &Contact, from: &mut [ProjectionState], to: &[Proj
         }
     }
     from.iter_mut().zip(to).for_each(|(a, b)| a.approach(b, best.1));
-    best.1
+    (best.1, descends)
 }
 
 #[cfg(test)]
@@ -273,7 +274,7 @@ mod tests {
     fn a_step_whose_end_meets_the_law_is_taken_as_a_whole() {
         let contact = frictionless();
         let (mut from, to) = ([ProjectionState::of(&[&[1.0, -1.0]])], [ProjectionState::of(&[&[2.0, 2.0]])]);
-        assert_eq!(search(&contact, &mut from, &to), 1.0);
+        assert_eq!(search(&contact, &mut from, &to), (1.0, true));
         assert_eq!(from, to);
     }
 
@@ -283,8 +284,8 @@ mod tests {
         let contact = frictionless();
         let start = ProjectionState::of(&[&[-9.0, 0.1]]);
         let (mut from, to) = ([start.clone()], [ProjectionState::of(&[&[-9.0, -0.9]])]);
-        let part = search(&contact, &mut from, &to);
-        assert_eq!(part, 0.125, "at a quarter the defect is 0.15");
+        let found = search(&contact, &mut from, &to);
+        assert_eq!(found, (0.125, true), "at a quarter the defect is 0.15");
         assert!((from[0].values[1] + 0.025).abs() < 1e-15, "the next choice starts from there: {:?}", from[0]);
     }
 
@@ -292,7 +293,7 @@ mod tests {
     fn where_nothing_descends_the_best_trial_is_taken() {
         let contact = frictionless();
         let (mut from, to) = ([ProjectionState::of(&[&[-9.0, 0.0]])], [ProjectionState::of(&[&[-9.0, 1.0]])]);
-        assert_eq!(search(&contact, &mut from, &to), 0.5f64.powi(MAX_HALVINGS));
+        assert_eq!(search(&contact, &mut from, &to), (0.5f64.powi(MAX_HALVINGS), false));
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, S
         set_data(scene, time, increment)?;
         scene.system.begin_step(time, increment).map_err(|e| e.to_string())?;
         if !(number == 0 && scene.steps.from_start) {
-            audit.residual = audit.residual.max(residual(scene, &step.state)?);
+            audit.residual = audit.residual.max(residual(scene, &step.state, &before)?);
             audit.prescribed = audit.prescribed.max(prescribed(scene, step)?);
             let next: Vec<Vec<f64>> = {
                 let Scene { system, states, .. } = &mut *scene;
@@ -90,7 +90,7 @@ fn set_data(scene: &mut Scene, time: f64, increment: f64) -> Result<(), String> 
 }
 
 /// The largest entry by which the free equations are not met, in parts of the largest entry of any term there.
-fn residual(scene: &mut Scene, u: &[f64]) -> Result<f64, String> {
+fn residual(scene: &mut Scene, u: &[f64], before: &[f64]) -> Result<f64, String> {
     let system = &scene.system;
     let n = u.len();
     let all = system.residual(u, &Form::AS_WRITTEN).map_err(|e| e.to_string())?.values;
@@ -103,7 +103,7 @@ fn residual(scene: &mut Scene, u: &[f64]) -> Result<f64, String> {
             *size = own[range].iter().fold(*size, |m, v| m.max(v.abs()));
         }
     }
-    let rounding = rounding(system, u, &all)?;
+    let rounding = rounding(system, [u, before], &all)?;
     let mut worst = 0.0f64;
     for field in 0..sizes.len() {
         let size = (0..sizes.len()).filter(|k| meet(system, *k, field)).fold(0.0f64, |m, k| m.max(sizes[k]));
@@ -126,9 +126,11 @@ fn meet(system: &System, a: usize, b: usize) -> bool {
     a == b || alike && system.terms.iter().any(|t| tests(t, a) && tests(t, b))
 }
 
-/// What rounding may leave: a part of what the forces change by where each unknown changes by the size of all.
-fn rounding(system: &System, u: &[f64], at: &[f64]) -> Result<f64, String> {
-    let size = u.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+/// What rounding may leave: a part of what the forces change by where each unknown changes by the size of all, at the state or
+/// at the one before, from which corrections led to it.
+fn rounding(system: &System, of: [&[f64]; 2], at: &[f64]) -> Result<f64, String> {
+    let [u, before] = of;
+    let size = u.iter().chain(before).fold(0.0f64, |m, v| m.max(v.abs()));
     let mut random = Random(3);
     let beside: Vec<f64> = u.iter().map(|v| v + size * BESIDE * (random.below(2001) as f64 / 1000.0 - 1.0)).collect();
     let all = system.residual(&beside, &Form::AS_WRITTEN).map_err(|e| e.to_string())?.values;

@@ -9,7 +9,7 @@ use super::{Mutant, mutate::word, ready};
 use crate::fuzz::Random;
 
 /// Statements that may say what would be so without them.
-const MAY_REPEAT: [&str; 7] = ["quadrature", "solver", "expect", "use", "wfl", "mesh", "steps"];
+const MAY_REPEAT: [&str; 8] = ["quadrature", "solver", "expect", "gradient", "use", "wfl", "mesh", "steps"];
 /// A prescribed value holds to this part of the largest value.
 const HOLDS: f64 = 1e-9;
 /// States beside those found, where contact is open, closed and slipping.
