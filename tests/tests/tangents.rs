@@ -244,14 +244,16 @@ const LARGE: [&str; 10] = [
 ];
 
 /// Examples without derivatives yet: nodes without mass, images that move.
-const WITHOUT: [&str; 7] = [
+const WITHOUT: [&str; 9] = [
     "dynamics/bars.wfl",
     "sliding/capstan.wfl",
+    "sliding/gears.wfl",
     "sliding/half_rings.wfl",
     "sliding/ironing.wfl",
     "sliding/rolling.wfl",
     "sliding/shrink_fit.wfl",
     "sliding/slot.wfl",
+    "sliding/snap_fit.wfl",
 ];
 
 /// Examples that have not been compared yet: their runs are the longest, and each parameter takes several.
