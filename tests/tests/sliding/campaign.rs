@@ -21,10 +21,13 @@ const SCENES: u64 = if cfg!(debug_assertions) { 20 } else { 200 };
 struct Way {
     word: &'static str,
     macros: &'static str,
+    /// How far faces may be out of line (length): over an edge between them the normal at a closest point jumps, and between
+    /// both there may be no state.
+    bump: f64,
 }
 
-const RAYS: Way = Way { word: "raytrace", macros: "sliding" };
-const CLOSEST: Way = Way { word: "project", macros: "closest" };
+const RAYS: Way = Way { word: "raytrace", macros: "sliding", bump: 0.03 };
+const CLOSEST: Way = Way { word: "project", macros: "closest", bump: 0.0 };
 
 #[test]
 fn random_scenes_slide_without_a_failed_step_or_a_wrong_image() {
@@ -76,9 +79,7 @@ fn scene(seed: u64, way: Way) -> String {
     };
     let letter = if shape == "hex" || shape == "quad" { "Q" } else { "P" };
     let (fric, gamma, slide) = (part(), 10f64.powf(0.5 + 2.5 * part()), 0.05 + 0.45 * part());
-    let (bump, press) = (0.03 * part(), 0.01 + 0.02 * part());
-    // over an edge between faces that are not in line the normal at a closest point jumps: between both may be no state
-    let bump = if way.word == CLOSEST.word { 0.0 } else { bump };
+    let (bump, press) = (way.bump * part(), 0.01 + 0.02 * part());
     let (mesh, dim, zero) = if in_space {
         let map = format!("[x, y, z + {bump}*sin(3*x + 2*y)*(z - 1)*(2 - z)]");
         (format!("mesh box [0,0,0] to [3,1,2] cells [5,1,4] {shape} map {map} with idle_cells=allowed"), 3, "0, 0, 0")
@@ -92,7 +93,7 @@ fn scene(seed: u64, way: Way) -> String {
     } else {
         format!("[{slide}*max(0, s - 1), -{press}*min(s, 1)]")
     };
-    let Way { word, macros } = way;
+    let Way { word, macros, .. } = way;
     format!(
         "wfl 1
 use \"sliding\"
