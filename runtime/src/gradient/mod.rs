@@ -8,7 +8,7 @@
 //!
 //! From the first step to the last one, along a direction of the parameters: `K_n du_n = -(R_p dp + R_(u-) du_(n-1) + R_s
 //! ds_(n-1) + R_g dg)`, then `ds_n`: one solution a step and direction, however many results. Both use laws of their own, so
-//! that each is a test of the other. To one side points between two branches go with the direction ([`sided`]).
+//! that each is a test of the other. To one side points between two branches go with the direction (`sided.rs`).
 //!
 //! Where parameters move the mesh, the velocity of its nodes is one more field that laws are differentiated in (`shape.rs`): the
 //! derivative in a parameter is that in the velocities times those that its formulas give.
