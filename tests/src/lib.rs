@@ -1,6 +1,7 @@
 //! Scenes as text, solved through the library: what the suites share.
 
 pub mod corpus;
+pub mod driven;
 pub mod fuzz;
 pub mod gradient_cost;
 pub mod mutants;

@@ -3,46 +3,11 @@
 use std::{collections::BTreeMap, path::Path};
 
 use wfl_runtime::gradient::Gradients;
-use wfl_tests::{differentiated, examples, reference};
-
-/// Two blocks of plane strain under compression `p`, of which one is moved along their interface by `drive`. States are
-/// homogeneous: with M the modulus of compression without strain across, mu of shear and the length 3, the slip is
-/// `d - 3 F p/mu` while the friction `F p` acts.
-const BLOCKS: &str = "wfl 1
-param E = 25000
-param nu = 0.25
-param p = 10
-param fric = 0.4
-param d = 3e-3
-mesh box [-1,0] to [2,1] cells [6,2] quad
-region left = cells where x < 0
-region right = cells where x > 0
-region joint = interface from left to right
-region west = faces where x == -1
-region east = faces where x == 2
-region edges_left = faces of left where y == 0 or y == 1
-region edges_right = faces of right where y == 0 or y == 1
-unknown uL : vector on left
-unknown uR : vector on right
-def lame = E*nu/((1+nu)*(1-2*nu))
-def mu = E/(2*(1+nu))
-def modulus = lame + 2*mu
-def sigma(v) = lame*Div_v*Id(2) + 2*mu*Sym(Grad_v)
-def traction(v) = sigma(v)*Normal
-def apart = uL - Interpolate(uR, neighbor_element)
-def test_apart = Test_uL - Interpolate(Test_uR, neighbor_element)
-def tangential(w) = w - (w.Normal)*Normal
-term bulk_left on left : sigma(uL):Grad_Test_uL
-term bulk_right on right : sigma(uR):Grad_Test_uR
-fix uL = [0, 0] on west
-fix uR = [-3*p/modulus - overlap, drive] on east
-fix uL(1) = -(p/modulus)*(x+1) on edges_left
-fix uR(1) = -(p/modulus)*(x+1) - overlap on edges_right
-load uL(2) = -(lame/modulus)*p*Normal(2) on edges_left
-load uR(2) = -(lame/modulus)*p*Normal(2) on edges_right
-measure shear = mean(traction(uL)(2)) on joint
-measure slip = mean(-apart(2)) on joint
-";
+use wfl_tests::{
+    differentiated,
+    driven::{DRIVEN_BLOCKS, write_path},
+    examples, reference,
+};
 
 /// Nitsche's method with the whole drive at once.
 const NITSCHE: &str = "
@@ -106,11 +71,11 @@ fn deviation(of: &Gradients, list: &str) -> f64 {
 
 #[test]
 fn closed_derivatives_of_two_blocks() {
-    let found = of(format!("{BLOCKS}{NITSCHE}"), &[], "slip, shear, pressure", "E, nu, fric, d, p, gamma");
+    let found = of(format!("{DRIVEN_BLOCKS}{NITSCHE}"), &[], "slip, shear, pressure", "E, nu, fric, d, p, gamma");
     assert!(deviation(&found, "nitsche") < 1e-9);
-    let found = of(format!("{BLOCKS}{INCREMENTS}"), &[], "shear, slip", "E, nu, fric, d, p");
+    let found = of(format!("{DRIVEN_BLOCKS}{INCREMENTS}"), &[], "shear, slip", "E, nu, fric, d, p");
     assert!(deviation(&found, "incremental") < 1e-9);
-    let found = of(format!("{BLOCKS}{PENALTY}"), &[], "shear", "E, nu, fric, d, p, gamma");
+    let found = of(format!("{DRIVEN_BLOCKS}{PENALTY}"), &[], "shear", "E, nu, fric, d, p, gamma");
     assert!(deviation(&found, "penalty_state") < 1e-9);
 }
 
@@ -122,7 +87,7 @@ fn reactions_have_the_derivatives_of_the_traction_that_they_balance() {
     for (form, with) in
         [(NITSCHE, "E, nu, fric, d, p, gamma"), (INCREMENTS, "E, nu, fric, d, p"), (PENALTY, "E, d, gamma")]
     {
-        let text = format!("{BLOCKS}{form}measure grip = reaction(uR(2)) on east\n");
+        let text = format!("{DRIVEN_BLOCKS}{form}measure grip = reaction(uR(2)) on east\n");
         let found = of(text, &[], "grip, shear, sum(grip), sum(shear)", with);
         let value = |name: &str| found.results.iter().find(|r| r.name == name).expect("a result").value;
         for (reaction, traction) in [("grip", "shear"), ("sum(grip)", "sum(shear)")] {
@@ -177,7 +142,7 @@ fn flow_along_faces_and_what_supports_carry_of_it() {
 /// A factor of a reaction is none of its equations: its derivative is told to be missing, and not zero.
 #[test]
 fn a_parameter_in_the_weights_of_a_reaction_is_refused() {
-    let text = format!("{BLOCKS}{NITSCHE}param lever = 2\nmeasure turn = reaction(lever*uR(2)) on east\n");
+    let text = format!("{DRIVEN_BLOCKS}{NITSCHE}param lever = 2\nmeasure turn = reaction(lever*uR(2)) on east\n");
     let told = |with: &str| differentiated((Path::new("."), text.clone()), &[], &[], "turn", with);
     let refused = told("lever").err().expect("it is refused");
     assert!(refused.contains("E470") && refused.contains("`lever` multiplies"), "{refused}");
@@ -215,12 +180,7 @@ fn friction_with_a_memory_as_an_independent_program_has_it() {
     let known = reference("physics_gradients.json")["path"].clone();
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gradients");
     std::fs::create_dir_all(&folder).expect("a folder for the test");
-    for (file, list) in [("drive.csv", "D"), ("seen.csv", "data")] {
-        let numbers = known[list].as_array().expect("a list");
-        let row = |(k, x): (usize, &serde_json::Value)| format!("{},{x}\n", k + 1);
-        let rows: String = numbers.iter().enumerate().map(row).collect();
-        std::fs::write(folder.join(file), format!("t,value\n{rows}")).expect("a table");
-    }
+    write_path(&folder, &known);
     let scene = (folder.as_path(), PATH.to_owned());
     let found = differentiated(scene, &[], &[], "J1, J2, sum(misfit)", "f0, f1, f2, mu, gamma");
     let found = found.unwrap_or_else(|told| panic!("{told}")).1;
@@ -462,16 +422,16 @@ fn what_has_no_derivative_is_told_with_its_place() {
         let found = differentiated((Path::new("."), text.to_owned()), &[], &[], results, with);
         found.map(|(_, found)| format!("{found:?}")).expect_err("no derivative")
     };
-    let onset = format!("{BLOCKS}{NITSCHE}measure share = mean(if slipping > 0 then 1 else 0) on joint\n");
+    let onset = format!("{DRIVEN_BLOCKS}{NITSCHE}measure share = mean(if slipping > 0 then 1 else 0) on joint\n");
     let onset = onset.replace("measure share", "def slipping = Norm(sheared) - fric*pos_part(pressed)\nmeasure share");
     assert!(refused(&onset, "share", "fric").contains("jumps and does not slide"));
     assert!(refused(&onset, "slap", "fric").contains("did you mean `slip`"));
     assert!(refused(&onset, "slip", "frick").contains("did you mean `fric`"));
     assert!(refused(&onset, "slip at t=3", "fric").contains("nearest one ends at"));
-    let shape = BLOCKS.replace("cells [6,2]", "cells [6,rows]").replace("param d ", "param rows = 2\nparam d ");
+    let shape = DRIVEN_BLOCKS.replace("cells [6,2]", "cells [6,rows]").replace("param d ", "param rows = 2\nparam d ");
     let told = refused(&format!("{shape}{NITSCHE}"), "slip", "rows");
     assert!(told.contains("E470") && told.contains("division of the mesh") && told.contains("scene.wfl:"), "{told}");
-    let steps = format!("{BLOCKS}{INCREMENTS}")
+    let steps = format!("{DRIVEN_BLOCKS}{INCREMENTS}")
         .replace("to 1.75 by", "to last by")
         .replace("param d ", "param last = 1.75\nparam d ");
     assert!(refused(&steps, "slip", "last").contains("stands in `steps`"));
@@ -487,12 +447,12 @@ fn what_has_no_derivative_is_told_with_its_place() {
 /// A safe parameter of Nitsche's method is found by the run: others have the derivatives that they have beside its number.
 #[test]
 fn a_value_that_the_run_finds_is_kept() {
-    let auto = format!("{BLOCKS}{NITSCHE}").replace("param gamma = 2e5", "param gamma = auto");
+    let auto = format!("{DRIVEN_BLOCKS}{NITSCHE}").replace("param gamma = 2e5", "param gamma = auto");
     let made = differentiated((Path::new("."), auto.clone()), &[], &[], "slip, pressure", "E, fric");
     let (solved, found) = made.unwrap_or_else(|told| panic!("{told}"));
     assert!(found.notes.iter().any(|note| note.contains("`gamma` keeps the value")), "{:?}", found.notes);
     let gamma = solved.scene.params.iter().find(|p| p.0 == "gamma").expect("a param").1.values[0];
-    let same = of(format!("{BLOCKS}{NITSCHE}"), &[("gamma", gamma)], "slip, pressure", "E, fric");
+    let same = of(format!("{DRIVEN_BLOCKS}{NITSCHE}"), &[("gamma", gamma)], "slip, pressure", "E, fric");
     assert_eq!(found.results, same.results);
     let told = differentiated((Path::new("."), auto), &[], &[], "slip", "gamma").err().expect("refused");
     assert!(told.contains("`gamma` is found by the run") && told.contains("this run found"), "{told}");
@@ -510,7 +470,7 @@ fn a_mapping_that_moves_is_told_with_its_line() {
 #[test]
 fn points_between_stick_and_slip_are_told() {
     // the drive at which friction is reached everywhere
-    let onset = format!("{BLOCKS}{NITSCHE}");
+    let onset = format!("{DRIVEN_BLOCKS}{NITSCHE}");
     let found = of(onset.clone(), &[("d", 1.2e-3)], "slip", "fric");
     let derivative = found.number("slip", "fric").expect("a derivative");
     assert!(derivative.abs() < 1e-12 || (derivative + 3e-3).abs() < 1e-9, "{derivative}");
@@ -553,7 +513,7 @@ fn parameters_of_several_numbers_and_parameters_made_of_others() {
 #[test]
 fn numbers_made_of_measures_follow_their_arithmetic() {
     let text = format!(
-        "{BLOCKS}{INCREMENTS}measure ratio = fric*shear/(slip + d)\n\
+        "{DRIVEN_BLOCKS}{INCREMENTS}measure ratio = fric*shear/(slip + d)\n\
          measure more = (ratio*slip^2 + t*integral(uR(2)^2))/E + max(ratio, 0) on right\n"
     );
     let found = of(text.clone(), &[], "ratio, more, sum(more), slip, shear, ratio at t=1", "E, fric, d");
@@ -571,10 +531,10 @@ fn numbers_made_of_measures_follow_their_arithmetic() {
         differences(&text, result, &["E", "fric", "d"], &found);
     }
     // a number that only counts has no derivative
-    let jumps = format!("{BLOCKS}{NITSCHE}measure late = if slip > 0.001 then 1 else 0\n");
+    let jumps = format!("{DRIVEN_BLOCKS}{NITSCHE}measure late = if slip > 0.001 then 1 else 0\n");
     let told = differentiated((Path::new("."), jumps), &[], &[], "late", "fric").err().expect("refused");
     assert!(told.contains("jumps and does not slide") && told.contains("scene.wfl:"), "{told}");
-    let kink = format!("{BLOCKS}{NITSCHE}measure bound = max(slip, d - (d - slip))\n");
+    let kink = format!("{DRIVEN_BLOCKS}{NITSCHE}measure bound = max(slip, d - (d - slip))\n");
     let found = of(kink, &[], "bound", "fric");
     assert!(found.near.iter().any(|near| near.finding().line().contains("`bound` is between two branches")));
 }
@@ -585,7 +545,7 @@ fn a_scene_states_derivatives_and_expects_them() {
     let stated = "param both = [0, 0]\nmeasure k = slip/d + both(1)*slip\ngradient slip, sum(shear), slip at t = 0.5 + 0.5 with fric, d\n\
                   gradient k with both\nexpect slip_by_fric < 0 and slip_by_d > 0\n\
                   expect abs(k_by_both(1)/slip - 1) < 1e-12 and k_by_both(2) == 0\n";
-    let text = format!("{BLOCKS}{INCREMENTS}{stated}");
+    let text = format!("{DRIVEN_BLOCKS}{INCREMENTS}{stated}");
     let solved = wfl_tests::solved(text.clone());
     assert!(!solved.outcome.expectations.is_empty());
     assert!(solved.outcome.expectations.iter().all(|e| e.1 == Some(true)), "{:?}", solved.outcome.expectations);

@@ -73,3 +73,30 @@ fn what_cannot_be_meant_is_told_with_its_place() {
         assert!(told.contains(code) && told.contains(words), "{more}: {told}");
     }
 }
+
+/// Parts of a displacement and of a stress that has all entries, at a place where the direction away is [0.8, 0.6] and the one
+/// around is [-0.6, 0.8]: each sign counts.
+#[test]
+fn polar_parts_are_products_with_their_directions() {
+    let text = "wfl 1
+use \"polar\"
+mesh box [0.5,0.2] to [2,2] cells [2,2] quad
+unknown u : vector
+term body on all : Sym(Grad_u):Grad_Test_u
+fix u = [x + 2*y, 3*x] on boundary
+def c = [0.5, 0]
+def s = [1, 2; 2, 5]
+measure outward = value(radial(u, c)) at [1.3, 0.6]
+measure around  = value(hoop(u, c)) at [1.3, 0.6]
+measure radial_ = value(radial_stress(s, c)) at [1.3, 0.6]
+measure hoop_   = value(hoop_stress(s, c)) at [1.3, 0.6]
+measure shear_  = value(shear_stress(s, c)) at [1.3, 0.6]
+";
+    let found = solve(&examples(), text.to_owned(), &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    // u = [2.5, 3.9]
+    close(found.measure(0, "outward"), 0.8 * 2.5 + 0.6 * 3.9);
+    close(found.measure(0, "around"), 0.8 * 3.9 - 0.6 * 2.5);
+    close(found.measure(0, "radial_"), 0.64 + 0.96 * 2.0 + 0.36 * 5.0);
+    close(found.measure(0, "hoop_"), 0.36 - 0.96 * 2.0 + 0.64 * 5.0);
+    close(found.measure(0, "shear_"), 0.48 * (5.0 - 1.0) + 0.28 * 2.0);
+}

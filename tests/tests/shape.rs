@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use wfl_runtime::gradient::{Direction, Gradients, tangents};
-use wfl_tests::{MeshFolder, differentiated, ran, reference, solve, solved};
+use wfl_tests::{MeshFolder, differentiated, driven::write_path, ran, reference, solve, solved};
 
 fn of(text: &str, results: &str, with: &str) -> Gradients {
     let found = differentiated((Path::new("."), text.to_owned()), &[], &[], results, with);
@@ -299,12 +299,7 @@ fn friction_with_a_memory_in_a_block_of_another_length() {
     let known = reference("physics_gradients.json")["path"].clone();
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("shape");
     std::fs::create_dir_all(&folder).expect("a folder for the test");
-    for (file, list) in [("drive.csv", "D"), ("seen.csv", "data")] {
-        let numbers = known[list].as_array().expect("a list");
-        let row = |(k, x): (usize, &serde_json::Value)| format!("{},{x}\n", k + 1);
-        let rows: String = numbers.iter().enumerate().map(row).collect();
-        std::fs::write(folder.join(file), format!("t,value\n{rows}")).expect("a table");
-    }
+    write_path(&folder, &known);
     let text = "wfl 1
 param f0 = 0.1
 param L = 1
