@@ -124,7 +124,18 @@ fn a_hook_snaps_with_the_force_of_a_beam() {
     let is_free = |k: &usize| across[*k].abs() < 1e-9;
     let free: Vec<usize> = (1..tip.len()).filter(is_free).collect();
     assert!(free.len() > 20 && free.iter().all(|k| ahead[*k].abs() < 1e-9), "{free:?}");
+    let of_points = |k: usize| found.outcome.steps[k].history.iterations.last().and_then(|i| i.contact);
+    // also at the start, where nothing has moved and no point has a force
+    assert!(free.iter().chain(&[0]).all(|k| of_points(*k).is_some_and(|[_, slip, stick]| slip + stick == 0)));
     let iterations: Vec<usize> = free.iter().map(|k| found.outcome.steps[*k].history.n_iterations()).collect();
     // the first step, and the one that lets go
     assert!(iterations.iter().filter(|n| **n > 3).count() <= 2, "{iterations:?}");
+}
+
+/// A stiff layer: between bodies that are not linear no step is held for long (407 iterations where it is, 202 where it is not).
+#[test]
+fn a_hook_with_a_stiff_layer_is_not_held() {
+    let found = example("snap_fit.wfl", &[("gamma = 100", "gamma = 2e3")]);
+    let iterations: usize = found.outcome.steps.iter().map(|s| s.history.n_iterations()).sum();
+    assert!(iterations < 300, "{iterations}");
 }
