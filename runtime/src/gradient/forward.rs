@@ -47,7 +47,7 @@ pub struct Tangents {
     pub times: Vec<f64>,
     /// Their derivatives.
     pub moved: Moved,
-    /// Points between two branches, where the derivative is that of one side.
+    /// Points between two branches, each of which counts with the one that it is on.
     pub near: Vec<NearKink>,
     /// What else there is to know of them, in words.
     pub notes: Vec<String>,

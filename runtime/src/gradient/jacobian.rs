@@ -33,7 +33,7 @@ pub struct Jacobian {
     pub values: Vec<f64>,
     /// How it was found.
     pub mode: Mode,
-    /// Points between two branches, where the derivative is that of one side.
+    /// Points between two branches, each of which counts with the one that it is on.
     pub near: Vec<NearKink>,
     /// What else there is to know of it, in words.
     pub notes: Vec<String>,

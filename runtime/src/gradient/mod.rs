@@ -91,7 +91,7 @@ pub struct Gradient {
 pub struct Gradients {
     /// By result, in the order of the request.
     pub results: Vec<Gradient>,
-    /// Points between two branches, where the derivative is that of one side.
+    /// Points between two branches, each of which counts with the one that it is on.
     pub near: Vec<NearKink>,
     /// What else there is to know of them, in words.
     pub notes: Vec<String>,
