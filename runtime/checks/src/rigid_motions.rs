@@ -4,10 +4,13 @@
 //! cancels in it, (|K| |r|)_i, so that a soft body or a weak spring that holds a stiff one is seen. The motions of a field
 //! are three translations and three rotations (two and one in the plane), or a combination of them: small singular values
 //! of what these motions meet, taken from its triangular factor, because squares would hide the small ones beside the
-//! large. Promises: looks at the tangent only. Does not find mechanisms that are no rigid motions.
+//! large. Bodies that hold each other may move together, as the upper blocks of a stack that slides: where none is loose
+//! alone, those that move are read off the null space of the motions of all of them. Promises: looks at the tangent only.
+//! Does not find mechanisms that are no rigid motions.
 
 use std::fmt;
 
+use nalgebra::DMatrix;
 use wfl_compiler::types::FieldKind;
 
 use super::Examined;
@@ -20,6 +23,12 @@ use wfl_sparse::solve::triangular;
 /// A motion is loose if what it meets is below this part of what cancels in it: some thousand roundoffs, for positions that
 /// are rounded, too.
 const LOOSE: f64 = 1e-12;
+
+/// A body takes part in a loose motion if more than this part of its square is that of the body.
+const TAKES_PART: f64 = 1e-9;
+
+/// Multiplications that the motions of all bodies may take, each its own: about ten seconds of one core.
+const MOST_WORK: f64 = 1e10;
 
 /// The rigid motions in which some fields move without resistance.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,13 +60,89 @@ impl fmt::Display for LooseMotions {
     }
 }
 
+/// A body: a field, and the nodes of it where it has others, too.
+struct Body {
+    field: usize,
+    nodes: Option<Vec<bool>>,
+}
+
+/// The bodies that take part in loose motions, in groups that move independently of each other. A row of `null` for each
+/// dimension of the space of loose motions, `each` columns for each body.
+fn groups(null: &DMatrix<f64>, each: usize) -> Vec<Vec<usize>> {
+    let n = null.ncols() / each;
+    let projection = null.transpose() * null;
+    let couples = |a: usize, b: usize| projection.view((a * each, b * each), (each, each)).norm_squared() > TAKES_PART;
+    let mut left: Vec<usize> = (0..n).filter(|b| couples(*b, *b)).collect();
+    let mut found = Vec::new();
+    while let Some(first) = left.first().copied() {
+        let mut group = vec![first];
+        left.remove(0);
+        let mut at = 0;
+        while at < group.len() {
+            let with = |b: &usize| couples(group[at], *b);
+            let (near, far): (Vec<usize>, Vec<usize>) = left.iter().partition(|b| with(b));
+            group.extend(near);
+            left = far;
+            at += 1;
+        }
+        group.sort_unstable();
+        found.push(group);
+    }
+    found
+}
+
 impl Examined<'_> {
     /// Rigid motions that meet no resistance in the tangent: of single bodies, else of single displacement fields, else
-    /// of all of them together.
+    /// of bodies that move together.
     pub(super) fn loose_motions(&self) -> Vec<LooseMotions> {
         let fields: Vec<usize> = (0..self.system.fields.len()).filter(|k| self.is_displacement(*k)).collect();
         let alone: Vec<LooseMotions> = fields.iter().flat_map(|f| self.loose_bodies_of(*f)).collect();
-        if alone.is_empty() && fields.len() > 1 { self.loose(&fields).into_iter().collect() } else { alone }
+        if alone.is_empty() { self.loose_together(&fields) } else { alone }
+    }
+
+    /// The loose motions of bodies of which none is loose alone, by groups that move together. Of more bodies than can be
+    /// looked at one by one, those of all together.
+    fn loose_together(&self, fields: &[usize]) -> Vec<LooseMotions> {
+        let mut bodies = Vec::new();
+        for field in fields {
+            let of = self.bodies(*field);
+            let count = of.iter().max().map_or(0, |b| b + 1);
+            bodies.extend((0..count).map(|body| {
+                let nodes = (count > 1).then(|| of.iter().map(|b| *b == body).collect());
+                Body { field: *field, nodes }
+            }));
+        }
+        let motions: Vec<Vec<f64>> =
+            bodies.iter().flat_map(|body| self.motions(&[body.field], body.nodes.as_deref())).collect();
+        #[expect(clippy::cast_precision_loss, reason = "an estimate")]
+        let work = (motions.len() * motions.len() * self.system.numbering.n_free()) as f64;
+        // all ranks go one way: each has its own rows
+        if bodies.len() < 2 || self.system.team().any(work > MOST_WORK) {
+            return if fields.len() > 1 { self.loose(fields).into_iter().collect() } else { Vec::new() };
+        }
+        let null = self.null_space_of(&motions);
+        let each = motions.len() / bodies.len();
+        groups(&null, each).iter().map(|group| self.told_of(group, &bodies, &motions, &null)).collect()
+    }
+
+    /// What is told of bodies that move together, by their numbers.
+    fn told_of(&self, group: &[usize], bodies: &[Body], motions: &[Vec<f64>], null: &DMatrix<f64>) -> LooseMotions {
+        let (dim, each) = (self.system.mesh.dim(), motions.len() / bodies.len());
+        let mut fields: Vec<usize> = group.iter().map(|b| bodies[*b].field).collect();
+        fields.dedup();
+        let translations: Vec<Vec<f64>> =
+            group.iter().flat_map(|b| motions[b * each..][..dim].iter().cloned()).collect();
+        let translations = self.null_space_of(&translations).nrows();
+        // the null space is the sum of those of the groups: the trace of the projection onto one is its dimension
+        let columns = group.iter().flat_map(|b| b * each..(b + 1) * each);
+        let all: f64 = columns.map(|c| null.column(c).norm_squared()).sum();
+        let rotations = (all.round() as usize).saturating_sub(translations);
+        let names = fields.iter().map(|f| self.system.fields[*f].name.clone()).collect();
+        let place = match group {
+            [one] => bodies[*one].nodes.as_ref().map_or_else(String::new, |own| self.centre(bodies[*one].field, own)),
+            _ => String::new(),
+        };
+        LooseMotions { fields: names, place, translations, rotations, about: String::new() }
     }
 
     /// True for a field of displacements of a body.
@@ -138,6 +223,20 @@ impl Examined<'_> {
     /// The loose motions of some fields together; of one field those of some of its nodes alone.
     fn loose_part(&self, fields: &[usize], own: Option<&[bool]>) -> Option<LooseMotions> {
         let dim = self.system.mesh.dim();
+        let motions = self.motions(fields, own);
+        let null = self.null_space_of(&motions);
+        let all = null.nrows();
+        let translations = self.null_space_of(&motions[..dim]).nrows();
+        let names = fields.iter().map(|f| self.system.fields[*f].name.clone()).collect();
+        let rotations = all.saturating_sub(translations);
+        let turns = dim == 2 && all == 1 && rotations == 1;
+        let about = if turns { self.pole(null.row(0).transpose().as_slice()) } else { String::new() };
+        (all > 0).then(|| LooseMotions { fields: names, place: String::new(), translations, rotations, about })
+    }
+
+    /// The rigid motions of some fields together; of one field those of some of its nodes alone.
+    fn motions(&self, fields: &[usize], own: Option<&[bool]>) -> Vec<Vec<f64>> {
+        let dim = self.system.mesh.dim();
         let mut motions: Vec<Vec<f64>> = (0..dim * (dim + 1) / 2).map(|k| self.rigid(fields, k)).collect();
         if let (Some(own), Some(range)) = (own, self.system.range(fields[0])) {
             for motion in &mut motions {
@@ -145,12 +244,7 @@ impl Examined<'_> {
                 nodes.zip(own).filter(|(_, own)| !**own).for_each(|(node, _)| node.fill(0.0));
             }
         }
-        let (all, only) = self.n_loose(&motions);
-        let (translations, _) = self.n_loose(&motions[..dim]);
-        let names = fields.iter().map(|f| self.system.fields[*f].name.clone()).collect();
-        let rotations = all.saturating_sub(translations);
-        let about = only.filter(|_| dim == 2 && rotations == 1).map_or_else(String::new, |parts| self.pole(&parts));
-        (all > 0).then(|| LooseMotions { fields: names, place: String::new(), translations, rotations, about })
+        motions
     }
 
     /// Where nothing moves in a motion of the plane with these parts of the two translations and the rotation.
@@ -191,9 +285,8 @@ impl Examined<'_> {
         all
     }
 
-    /// The dimension of the space of these motions in which nothing resists, and the parts that the motions have in it
-    /// where that is one.
-    fn n_loose(&self, motions: &[Vec<f64>]) -> (usize, Option<Vec<f64>>) {
+    /// The space of these motions in which nothing resists: a row for each of its dimensions, a column for each motion.
+    fn null_space_of(&self, motions: &[Vec<f64>]) -> DMatrix<f64> {
         let (n, team) = (self.system.numbering.n_free(), self.system.team());
         let (zero, mut met, mut size) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let (mut products, mut scale) = (Vec::new(), vec![0.0f64; n]);
@@ -206,7 +299,7 @@ impl Examined<'_> {
         }
         let largest = team.largest(scale.iter().fold(0.0, |m: f64, s| if s.is_nan() || *s > m { *s } else { m }));
         if largest.is_nan() || largest <= 0.0 {
-            return (0, None);
+            return DMatrix::zeros(0, motions.len());
         }
         let is_fixed = |d: &usize| self.system.numbering.free[*d] == FIXED && self.system.owns(*d);
         let fixed: Vec<usize> = (0..self.system.numbering.n_dofs).filter(is_fixed).collect();
@@ -223,11 +316,7 @@ impl Examined<'_> {
         let columns = (0..k).map(|column| all.iter().skip(column).step_by(k).copied().collect()).collect();
         let found = triangular(columns).svd(false, true);
         let small: Vec<usize> = (0..k).filter(|j| found.singular_values[*j] <= limit).collect();
-        let parts = match (small.as_slice(), &found.v_t) {
-            ([only], Some(v)) => Some(v.row(*only).iter().copied().collect()),
-            _ => None,
-        };
-        (small.len(), parts)
+        found.v_t.map_or_else(|| DMatrix::zeros(0, k), |parts| parts.select_rows(&small))
     }
 
     /// Faces of the box around some bodies along which a displacement is prescribed, while that normal to them is free: what

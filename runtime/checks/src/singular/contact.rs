@@ -1,5 +1,7 @@
 //! Why contact does not hold a loose body: it is zero, it pulls, it is open, or it slides.
 
+use std::collections::BTreeSet;
+
 use wfl_compiler::{Class, types::FieldKind};
 
 use super::{listed, verb};
@@ -29,6 +31,8 @@ struct Touching {
     /// Points open, slipping, sticking (or closed).
     counts: [usize; 3],
     has_friction: bool,
+    /// It is between two of the fields, and goes with them where they move together.
+    inside: bool,
 }
 
 impl Examined<'_> {
@@ -44,7 +48,10 @@ impl Examined<'_> {
         };
         let own: Vec<usize> =
             (0..self.system.fields.len()).filter(|k| fields.contains(&self.system.fields[*k].name)).collect();
-        let touching = self.touching(&own, u);
+        let mut touching = self.touching(&own, u);
+        if touching.iter().any(|t| !t.inside) {
+            touching.retain(|t| !t.inside);
+        }
         if touching.is_empty() {
             self.told_of_symmetry(&mut found, &own);
             let zero = self.terms_without_force();
@@ -155,7 +162,9 @@ impl Examined<'_> {
         let of = |p: &ContactTerm| {
             let term = &self.system.terms[p.term];
             let counts = term.contact_counts(&residual.branches[p.term])?;
-            Some(Touching { name: term.law.name.clone(), counts, has_friction: p.has_friction() })
+            let tested: BTreeSet<usize> = term.law.tests.iter().map(|s| s.field.index()).collect();
+            let inside = tested.len() > 1 && tested.iter().all(|field| own.contains(field));
+            Some(Touching { name: term.law.name.clone(), counts, has_friction: p.has_friction(), inside })
         };
         self.acting_on(own).filter_map(of).collect()
     }

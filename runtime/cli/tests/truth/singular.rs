@@ -232,3 +232,26 @@ fn steps_by_auto_are_limited() {
     assert!(run("error", &scene("error=1e-17"), &[]).tells("E414"));
     run("right", &scene("most=0.1, error=1e-6"), &[]).assert_silent();
 }
+
+/// Three blocks on each other under their weight; the middle one is pushed beyond what friction below it holds, and carries
+/// the upper one with it: as fields of their own, and as one field that is torn.
+#[test]
+fn blocks_that_slide_together_are_told_together() {
+    let blocks = "mesh box [0,0] to [1,3] cells [3,9] quad\nregion a = cells where y < 1\nregion b = cells where y > 1 and y < 2\n\
+        region c = cells where y > 2\nregion floor = faces where y == 0\nregion ab = interface from a to b\n\
+        region bc = interface from b to c\nregion west = faces of b where x == 0\n\
+        def body(v, w) = 1e4*(Sym(Grad_v) + Div_v*Id(2)):Grad_w + w(2)\ndef tang(w) = w - (w.Normal)*Normal\n\
+        def force(j) = 1e5*pos_part(j.Normal)*Normal + Ball_projection(1e5*tang(j), 0.5e5*pos_part(j.Normal))\n\
+        def beyond(v) = Interpolate(v, neighbor_element)\nsteps t = 0 to 1.2 by 0.3\n";
+    let fields = "unknown ua : vector on a\nunknown ub : vector on b\nunknown uc : vector on c\nterm a on a : body(ua, Test_ua)\n\
+        term b on b : body(ub, Test_ub)\nterm c on c : body(uc, Test_uc)\n\
+        term low on ab : force(ua - beyond(ub)).(Test_ua - beyond(Test_ub))\n\
+        term high on bc : force(ub - beyond(uc)).(Test_ub - beyond(Test_uc))\n\
+        fix ua = [0,0] on floor\nload ub = [t,0] on west\n";
+    let torn = "unknown u : vector\nsplit u across ab, bc\nterm body on all : body(u, Test_u)\n\
+        term low on ab : force(u - beyond(u)).(Test_u - beyond(Test_u))\n\
+        term high on bc : force(u - beyond(u)).(Test_u - beyond(Test_u))\nfix u = [0,0] on floor\nload u = [t,0] on west\n";
+    let told = ["1 rigid body motion of `ub` and `uc` (1 translation)", "presses it on `low`;", "friction does not balance"];
+    assert_loose("stack-fields", &(blocks.to_owned() + fields), &told);
+    assert_loose("stack-torn", &(blocks.to_owned() + torn), &["1 rigid body motion of `u` (1 translation)", "friction"]);
+}
