@@ -43,6 +43,8 @@ pub struct LooseMotions {
     pub rotations: usize,
     /// Of one rotation in the plane the point that stays where it is: " about [0, 1]".
     pub about: String,
+    /// The bodies that move.
+    pub(super) bodies: Vec<Body>,
 }
 
 impl fmt::Display for LooseMotions {
@@ -60,8 +62,9 @@ impl fmt::Display for LooseMotions {
     }
 }
 
-/// A body: a field, and the nodes of it where it has others, too.
-struct Body {
+/// A body: a field, and which of its nodes are its own where the field has other bodies, too.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Body {
     field: usize,
     nodes: Option<Vec<bool>>,
 }
@@ -112,8 +115,7 @@ impl Examined<'_> {
                 Body { field: *field, nodes }
             }));
         }
-        let motions: Vec<Vec<f64>> =
-            bodies.iter().flat_map(|body| self.motions(&[body.field], body.nodes.as_deref())).collect();
+        let motions: Vec<Vec<f64>> = bodies.iter().flat_map(|body| self.motions(std::slice::from_ref(body))).collect();
         #[expect(clippy::cast_precision_loss, reason = "an estimate")]
         let work = (motions.len() * motions.len() * self.system.numbering.n_free()) as f64;
         // all ranks go one way: each has its own rows
@@ -142,7 +144,8 @@ impl Examined<'_> {
             [one] => bodies[*one].nodes.as_ref().map_or_else(String::new, |own| self.centre(bodies[*one].field, own)),
             _ => String::new(),
         };
-        LooseMotions { fields: names, place, translations, rotations, about: String::new() }
+        let bodies = group.iter().map(|b| bodies[*b].clone()).collect();
+        LooseMotions { fields: names, place, translations, rotations, about: String::new(), bodies }
     }
 
     /// True for a field of displacements of a body.
@@ -163,7 +166,8 @@ impl Examined<'_> {
         for body in (0..count).filter(|_| count > 1) {
             let own: Vec<bool> = bodies.iter().map(|b| *b == body).collect();
             let place = self.centre(field, &own);
-            found.extend(self.loose_part(&[field], Some(&own)).map(|m| LooseMotions { place, ..m }));
+            let body = Body { field, nodes: Some(own) };
+            found.extend(self.loose_bodies_together(vec![body]).map(|m| LooseMotions { place, ..m }));
         }
         if found.is_empty() { self.loose(&[field]).into_iter().collect() } else { found }
     }
@@ -216,35 +220,40 @@ impl Examined<'_> {
         format!("around [{}]", x.join(", "))
     }
 
-    pub(super) fn loose(&self, fields: &[usize]) -> Option<LooseMotions> {
-        self.loose_part(fields, None)
+    /// The loose motions of some fields together.
+    fn loose(&self, fields: &[usize]) -> Option<LooseMotions> {
+        self.loose_bodies_together(fields.iter().map(|field| Body { field: *field, nodes: None }).collect())
     }
 
-    /// The loose motions of some fields together; of one field those of some of its nodes alone.
-    fn loose_part(&self, fields: &[usize], own: Option<&[bool]>) -> Option<LooseMotions> {
+    /// The loose motions of some bodies that move as one.
+    fn loose_bodies_together(&self, bodies: Vec<Body>) -> Option<LooseMotions> {
         let dim = self.system.mesh.dim();
-        let motions = self.motions(fields, own);
+        let motions = self.motions(&bodies);
         let null = self.null_space_of(&motions);
         let all = null.nrows();
         let translations = self.null_space_of(&motions[..dim]).nrows();
-        let names = fields.iter().map(|f| self.system.fields[*f].name.clone()).collect();
+        let fields = bodies.iter().map(|body| self.system.fields[body.field].name.clone()).collect();
         let rotations = all.saturating_sub(translations);
         let turns = dim == 2 && all == 1 && rotations == 1;
         let about = if turns { self.pole(null.row(0).transpose().as_slice()) } else { String::new() };
-        (all > 0).then(|| LooseMotions { fields: names, place: String::new(), translations, rotations, about })
+        (all > 0).then(|| LooseMotions { fields, place: String::new(), translations, rotations, about, bodies })
     }
 
-    /// The rigid motions of some fields together; of one field those of some of its nodes alone.
-    fn motions(&self, fields: &[usize], own: Option<&[bool]>) -> Vec<Vec<f64>> {
+    /// The rigid motions of some bodies as one, by dof, in the frames of nodes.
+    pub(super) fn motions(&self, bodies: &[Body]) -> Vec<Vec<f64>> {
         let dim = self.system.mesh.dim();
-        let mut motions: Vec<Vec<f64>> = (0..dim * (dim + 1) / 2).map(|k| self.rigid(fields, k)).collect();
-        if let (Some(own), Some(range)) = (own, self.system.range(fields[0])) {
-            for motion in &mut motions {
-                let nodes = motion[range.clone()].chunks_exact_mut(dim);
-                nodes.zip(own).filter(|(_, own)| !**own).for_each(|(node, _)| node.fill(0.0));
-            }
-        }
-        motions
+        (0..dim * (dim + 1) / 2).map(|k| self.rigid(bodies, k)).collect()
+    }
+
+    /// The dofs of some bodies, `dim` for each node.
+    pub(super) fn dofs_of<'a>(&'a self, bodies: &'a [Body]) -> impl Iterator<Item = std::ops::Range<usize>> + 'a {
+        let dim = self.system.mesh.dim();
+        bodies.iter().flat_map(move |body| {
+            let start = self.system.range(body.field).map_or(0, |range| range.start);
+            let is_own = move |node: &usize| body.nodes.as_ref().is_none_or(|own| own[*node]);
+            let nodes = (0..self.system.fields[body.field].n_nodes()).filter(is_own);
+            nodes.map(move |node| start + node * dim..start + (node + 1) * dim)
+        })
     }
 
     /// Where nothing moves in a motion of the plane with these parts of the two translations and the rotation.
@@ -259,18 +268,19 @@ impl Examined<'_> {
         format!(" about [{}]", shown.join(", "))
     }
 
-    /// Motion number `k` of some fields by dof, of length 1 at most: translations, then rotations about the centre of
+    /// Motion number `k` of some bodies by dof, of length 1 at most: translations, then rotations about the centre of
     /// the mesh.
-    pub(super) fn rigid(&self, fields: &[usize], k: usize) -> Vec<f64> {
+    fn rigid(&self, bodies: &[Body], k: usize) -> Vec<f64> {
         let dim = self.system.mesh.dim();
         let (low, high) = self.system.mesh.bounds();
         let size = (0..dim).map(|d| high[d] - low[d]).fold(0.0f64, f64::max);
         let planes = [(0, 1), (1, 2), (2, 0)];
         let mut all = vec![0.0; self.system.numbering.n_dofs];
-        for field in fields {
-            let (f, start) = (&self.system.fields[*field], self.system.range(*field).map_or(0, |r| r.start));
-            for node in 0..f.n_nodes() {
-                let at = &mut all[start + node * dim..][..dim];
+        for body in bodies {
+            let (f, start) = (&self.system.fields[body.field], self.system.range(body.field).map_or(0, |r| r.start));
+            for dofs in self.dofs_of(std::slice::from_ref(body)) {
+                let node = (dofs.start - start) / dim;
+                let at = &mut all[dofs];
                 if k < dim {
                     at[k] = 1.0;
                 } else {

@@ -22,6 +22,9 @@ const MOVED: f64 = 1e-6;
 /// A force that drives a motion by more than this part of the largest one that meets a motion is no rounding.
 const DRIVES: f64 = 1e-6;
 
+/// Work of differences of forces that is below this part of what cancels in them: some thousand roundoffs.
+const CANCELS: f64 = 1e-12;
+
 /// Contact this many times as stiff as the bodies leaves fewer than four digits of their stiffness.
 const FAR_STIFFER: f64 = 1e12;
 
@@ -46,8 +49,7 @@ impl Examined<'_> {
             help: "prescribe a displacement of it, or press it against a supported body".to_owned(),
             name: fields.first().cloned().unwrap_or_default(),
         };
-        let own: Vec<usize> =
-            (0..self.system.fields.len()).filter(|k| fields.contains(&self.system.fields[*k].name)).collect();
+        let own = self.fields_of(motions);
         let mut touching = self.touching(&own, u);
         if touching.iter().any(|t| !t.inside) {
             touching.retain(|t| !t.inside);
@@ -65,7 +67,7 @@ impl Examined<'_> {
         let tied_set = self.contact.tied(self.system, u);
         let mut tied = self.system.new_tangent();
         let is_tied = self.system.tangent(u, Branches::Frozen(&tied_set), &mut tied).is_ok();
-        if let Some(name) = self.pulling(&own, &tied_set, u) {
+        if let Some(name) = self.pulling(motions, &tied_set, u) {
             found.notes.push(format!("closed contact of `{name}` attracts the sides instead of repelling them"));
             found.help = format!("a wrong sign in `{name}`: its force must resist what closes the gap");
             return found;
@@ -88,7 +90,7 @@ impl Examined<'_> {
             }
             return found;
         }
-        self.explain_state(&mut found, &touching, self.pushed(&own, &tied_set, u));
+        self.explain_state(&mut found, &touching, self.pushed(motions, &tied_set, u));
         found
     }
 
@@ -169,10 +171,10 @@ impl Examined<'_> {
         self.acting_on(own).filter_map(of).collect()
     }
 
-    /// The term whose closed contact drives a body as it is moved as a whole against the others. Prescribed values move
-    /// with it: a motion that stops at them strains the body, and its stress is part of a Nitsche term.
-    fn pulling(&self, own: &[usize], tied: &ActiveSet, u: &[f64]) -> Option<String> {
-        let extent = self.extent();
+    /// The term whose closed contact drives bodies as they are moved as a whole against the others. Prescribed values move
+    /// with them: a motion that stops at them strains the body, and its stress is part of a Nitsche term.
+    fn pulling(&self, motions: &[LooseMotions], tied: &ActiveSet, u: &[f64]) -> Option<String> {
+        let (dim, extent) = (self.system.mesh.dim(), self.extent());
         let forces = |u: &[f64]| {
             let here = self.system.residual(u, &Form::AS_WRITTEN).ok()?;
             let mut forces = self.system.frozen_residual(&here, u, tied).ok()?;
@@ -181,19 +183,31 @@ impl Examined<'_> {
         };
         let start = forces(u)?;
         let mut energies = Vec::new();
-        for field in own {
-            for d in 0..self.system.mesh.dim() {
-                let mut motion = self.rigid(&[*field], d);
+        for group in motions {
+            for mut motion in self.motions(&group.bodies).into_iter().take(dim) {
                 self.system.numbering.frames.turn_back(&mut motion);
                 let moved: Vec<f64> = u.iter().zip(&motion).map(|(u, m)| u + MOVED * extent * m).collect();
                 let end = forces(&moved)?;
-                let work: f64 = motion.iter().zip(end.iter().zip(&start)).map(|(m, (e, s))| m * (e - s)).sum();
-                energies.push(self.system.team().total(work));
+                let (mut work, mut size) = (0.0, 0.0);
+                for (m, (e, s)) in motion.iter().zip(end.iter().zip(&start)) {
+                    work += m * (e - s);
+                    size += m.abs() * (e.abs() + s.abs());
+                }
+                let (work, size) = (self.system.team().total(work), self.system.team().total(size));
+                // forces that do not change leave what their differences round to
+                energies.push(if work.abs() > CANCELS * size { work } else { 0.0 });
             }
         }
         let largest = energies.iter().fold(0.0f64, |m, e| m.max(e.abs()));
         let drives = energies.iter().any(|e| *e < -DRIVES * largest);
-        drives.then(|| self.acting_on(own).next().map(|p| self.system.terms[p.term].law.name.clone())).flatten()
+        let fields = self.fields_of(motions);
+        drives.then(|| self.acting_on(&fields).next().map(|p| self.system.terms[p.term].law.name.clone())).flatten()
+    }
+
+    /// The fields that move.
+    fn fields_of(&self, motions: &[LooseMotions]) -> Vec<usize> {
+        let fields = listed(motions);
+        (0..self.system.fields.len()).filter(|k| fields.contains(&self.system.fields[*k].name)).collect()
     }
 
     /// The largest edge of the box around the mesh.
@@ -253,8 +267,8 @@ impl Examined<'_> {
         }
     }
 
-    /// What pushes some fields where their contact is open.
-    fn pushed(&self, own: &[usize], tied: &ActiveSet, u: &[f64]) -> Pushed {
+    /// What pushes the bodies where their contact is open.
+    fn pushed(&self, motions: &[LooseMotions], tied: &ActiveSet, u: &[f64]) -> Pushed {
         let here = self.system.residual(u, &Form::AS_WRITTEN).ok();
         let all = here.and_then(|here| self.system.frozen_residual(&here, u, &self.contact.opened()).ok());
         let all = all.map(|mut forces| {
@@ -262,21 +276,21 @@ impl Examined<'_> {
             forces
         });
         Pushed {
-            by_loads: self.presses(own, tied, u, self.system.constant_residual()),
-            by_all: all.and_then(|forces| self.presses(own, tied, u, &forces)),
+            by_loads: self.presses(motions, tied, u, self.system.constant_residual()),
+            by_all: all.and_then(|forces| self.presses(motions, tied, u, &forces)),
         }
     }
 
-    /// Whether the resultant of some forces (a residual by dof) on some fields closes the gaps of their contact; `None`
-    /// without a resultant.
-    fn presses(&self, own: &[usize], tied: &ActiveSet, u: &[f64], residual: &[f64]) -> Option<bool> {
-        let dim = self.system.mesh.dim();
+    /// Whether the resultant of some forces (a residual by dof) on bodies that move closes the gaps of their contact;
+    /// `None` without a resultant.
+    fn presses(&self, motions: &[LooseMotions], tied: &ActiveSet, u: &[f64], residual: &[f64]) -> Option<bool> {
+        let (own, dim) = (self.fields_of(motions), self.system.mesh.dim());
         let mut force = vec![0.0; dim];
         let mut size = 0.0f64;
-        for range in own.iter().filter_map(|k| self.system.range(*k)) {
-            for (n, d) in range.enumerate() {
-                force[n % dim] -= residual[d];
-                size += residual[d].abs();
+        for dofs in motions.iter().flat_map(|group| self.dofs_of(&group.bodies)) {
+            for (d, r) in residual[dofs].iter().enumerate() {
+                force[d] -= r;
+                size += r.abs();
             }
         }
         self.system.team().sum(&mut force);
@@ -287,10 +301,8 @@ impl Examined<'_> {
         }
         let extent = self.extent();
         let mut moved = u.to_vec();
-        for range in own.iter().filter_map(|k| self.system.range(*k)) {
-            for (n, d) in range.enumerate() {
-                moved[d] += MOVED * extent * force[n % dim] / length;
-            }
+        for dofs in motions.iter().flat_map(|group| self.dofs_of(&group.bodies)) {
+            moved[dofs].iter_mut().zip(&force).for_each(|(u, f)| *u += MOVED * extent * f / length);
         }
         let [from, to] = [u, &moved].map(|end| self.contact.states_on(self.system, end, tied));
         let mut closing = 0.0;

@@ -251,7 +251,12 @@ fn blocks_that_slide_together_are_told_together() {
     let torn = "unknown u : vector\nsplit u across ab, bc\nterm body on all : body(u, Test_u)\n\
         term low on ab : force(u - beyond(u)).(Test_u - beyond(Test_u))\n\
         term high on bc : force(u - beyond(u)).(Test_u - beyond(Test_u))\nfix u = [0,0] on floor\nload u = [t,0] on west\n";
-    let told = ["1 rigid body motion of `ub` and `uc` (1 translation)", "presses it on `low`;", "friction does not balance"];
+    let told =
+        ["1 rigid body motion of `ub` and `uc` (1 translation)", "presses it on `low`;", "friction does not balance"];
     assert_loose("stack-fields", &(blocks.to_owned() + fields), &told);
-    assert_loose("stack-torn", &(blocks.to_owned() + torn), &["1 rigid body motion of `u` (1 translation)", "friction"]);
+    assert_loose(
+        "stack-torn",
+        &(blocks.to_owned() + torn),
+        &["1 rigid body motion of `u` (1 translation)", "friction"],
+    );
 }
