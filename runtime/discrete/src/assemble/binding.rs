@@ -12,7 +12,7 @@ use wfl_compiler::{
     types::{BasisSlot, FieldId, FieldOp, InputSlot, RateOrder, Side},
 };
 
-use crate::domain::{Domain, Group};
+use crate::domain::{Domain, Group, table_of_each};
 use crate::{
     assemble::{lanes::in_lanes, simd::Lanes},
     field::{Field, FieldError, FieldSpace},
@@ -204,6 +204,8 @@ pub struct GroupBinding {
     pub(super) values: Vec<Lanes>,
     /// How many numbers a batch has for the derivatives of the basis functions.
     pub(super) n_derivatives: usize,
+    /// Of points with images: the geometry there with second derivatives, where a slot reads those of a field.
+    pub(super) bent: Option<Table>,
 }
 
 /// What evaluation has to make for a kernel and the contraction behind it.
@@ -400,7 +402,9 @@ impl Binding {
                 offset += basis.n_dofs();
                 bases.push(basis);
             }
-            groups.push(GroupBinding::new(mesh.dim(), group, bases));
+            let mut bound = GroupBinding::new(mesh.dim(), group, bases);
+            bound.bent = bent(mesh, group, &bound.bases);
+            groups.push(bound);
         }
         let tests = law.tests.iter().map(place).collect();
         let trials = law.trials.iter().map(place).collect();
@@ -469,7 +473,7 @@ impl GroupBinding {
             basis.starts.hessians = n_derivatives;
             n_derivatives += if basis.order > 1 { dim * dim * n } else { 0 };
         }
-        Self { bases, values, n_derivatives }
+        Self { bases, values, n_derivatives, bent: None }
     }
 
     /// By basis what the tangent of a group of points is made of: its field, side, functions, those that act, and their
@@ -496,6 +500,14 @@ impl GroupBinding {
     pub fn n_dofs(&self) -> usize {
         self.bases.last().map_or(0, |b| b.offset + b.n_dofs())
     }
+}
+
+/// The geometry of images with second derivatives, if a basis has some there.
+fn bent(mesh: &Mesh, group: &Group, bases: &[Basis]) -> Option<Table> {
+    let images = group.there.as_ref().filter(|_| group.own.is_some())?;
+    let reads = |basis: &Basis| basis.side == Side::There && basis.order > 1;
+    let element = |k: usize| mesh.geometry_element(mesh.kind(images.cells[k]));
+    bases.iter().any(reads).then(|| table_of_each(images.cells.len(), element, |k| images.points[k], 2))
 }
 
 /// Where the numbers of a basis start, of entities that are points; all of them are in the workspace.

@@ -273,14 +273,18 @@ impl Points<'_> {
         let (group, w) = (self.group, &mut *self.workspace);
         let Some(of_points) = &group.own else { return };
         let [here, there, _] = &mut w.own;
-        let order = self.needs.orders.iter().copied().max().unwrap_or(0).max(1);
-        here.gather(&group.here.geometry, self.entities.map(|k| group.here.row(k, 0)), order);
+        let order = |side: Side| {
+            let orders = self.binding.bases.iter().zip(&self.needs.orders).filter(|(basis, _)| basis.side == side);
+            orders.map(|(_, order)| *order).max().unwrap_or(0).max(1)
+        };
+        here.gather(&group.here.geometry, self.entities.map(|k| group.here.row(k, 0)), order(Side::Here));
         w.here.evaluate::<S, D, Lanes>(simd, here.row(), &w.nodes_here);
         if self.needs.position {
             w.here.locate::<S, D, Lanes>(simd, here.row(), &w.nodes_here);
         }
         if let Some(images) = &group.there {
-            there.gather(&images.geometry, self.entities.map(|k| images.row(k, 0)), order);
+            let table = self.binding.bent.as_ref().unwrap_or(&images.geometry);
+            there.gather(table, self.entities.map(|k| images.row(k, 0)), order(Side::There));
             w.there.evaluate::<S, D, Lanes>(simd, there.row(), &w.nodes_there);
             if self.needs.image {
                 w.there.locate::<S, D, Lanes>(simd, there.row(), &w.nodes_there);

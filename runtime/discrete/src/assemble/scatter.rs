@@ -313,20 +313,28 @@ impl Scatter {
 
     /// Adds the entities of a batch whose places are listed.
     fn add_all_listed(&self, entities: Range<usize>, local: &[Lanes], own: &mut Own<'_, '_>) {
-        for (lane, entity) in entities.enumerate().filter(|(_, entity)| self.lists[*entity] != NONE) {
-            self.add_listed(entity, local, lane, own);
+        let is_first = |lane: &usize| *lane == 0 || !self.is_repeated(entities.start + lane);
+        for lane in (0..entities.len()).filter(is_first) {
+            let entity = entities.start + lane;
+            if self.lists[entity] != NONE {
+                let end = (lane + 1..entities.len()).find(is_first).unwrap_or(entities.len());
+                self.add_listed(entity, local, lane..end, own);
+            }
         }
     }
 
-    /// Adds an entity whose places are listed.
-    fn add_listed(&self, entity: usize, local: &[Lanes], lane: usize, own: &mut Own<'_, '_>) {
+    /// Adds an entity whose places are listed, with the points behind it that have the same ones.
+    fn add_listed(&self, entity: usize, local: &[Lanes], lanes: Range<usize>, own: &mut Own<'_, '_>) {
         let places = &self.places[self.lists[entity] as usize * self.sources.len()..][..self.sources.len()];
         let starts = &self.row_starts[entity * self.rows.len()..][..self.rows.len()];
         for (row, start) in self.rows.iter().zip(starts) {
             let Some(cells) = own.from(*start as usize) else { continue };
             let entries = places[row.entries.clone()].iter().zip(&self.sources[row.entries.clone()]);
             for (place, source) in entries.filter(|(place, _)| **place != NONE) {
-                cells[(place - start) as usize] += local[*source as usize][lane];
+                // in the order of `join`
+                let all = &local[*source as usize][lanes.clone()];
+                let sum = all.iter().rev().copied().reduce(|sum, number| number + sum);
+                cells[(place - start) as usize] += sum.unwrap_or(0.0);
             }
         }
     }
@@ -375,8 +383,17 @@ impl Scatter {
         if self.repeats.is_empty() {
             return;
         }
-        for lane in (1..LANES.min(entities.len())).rev().filter(|lane| self.is_repeated(entities.start + lane)) {
-            numbers.iter_mut().for_each(|number| number[lane - 1] += number[lane]);
+        let is_here = |lane: usize| lane > 0 && lane < entities.len() && self.is_repeated(entities.start + lane);
+        let repeats: [bool; LANES] = std::array::from_fn(is_here);
+        if !repeats.contains(&true) {
+            return;
+        }
+        for number in numbers {
+            let mut sum = number[LANES - 1];
+            for lane in (1..LANES).rev() {
+                sum = if repeats[lane] { number[lane - 1] + sum } else { number[lane - 1] };
+                number[lane - 1] = sum;
+            }
         }
     }
 

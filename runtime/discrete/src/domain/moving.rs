@@ -372,6 +372,6 @@ impl Point {
         let f: Matrix3<f64> = Matrix3::identity() + self.gradient(dim, u);
         let n = f.try_inverse()?.transpose() * self.normal;
         let x = self.x + displacement(dim, &self.table, &self.nodes, u);
-        Some(Ray { x, n: n.try_normalize(0.0)?, cell: self.cell, back: self.back })
+        Some(Ray::new(x, n.try_normalize(0.0)?, self.cell, self.back))
     }
 }

@@ -84,7 +84,7 @@ pub(crate) fn table_of_each<'a>(
 }
 
 impl GroupSide {
-    /// The side of the images of points, one each. Sizes of cells are those of the kind of the first one.
+    /// The side of the images of points, one each, without second derivatives. Sizes of cells are those of the kind of the first one.
     pub(super) fn of_images(mesh: &Mesh, images: &[Image], corners: Table) -> Self {
         let kind = mesh.kind(images[0].cell);
         let element = |k: usize| mesh.geometry_element(mesh.kind(images[k].cell));
@@ -93,7 +93,7 @@ impl GroupSide {
             cells: images.iter().map(|image| image.cell).collect(),
             facets: images.iter().filter_map(|image| image.facet).collect(),
             points: images.iter().map(|image| image.reference).collect(),
-            geometry: table_of_each(images.len(), element, |k| images[k].reference, 2),
+            geometry: table_of_each(images.len(), element, |k| images[k].reference, 1),
             corners,
             rows: (0..u32::try_from(images.len()).expect("fewer than 2^32 points")).collect(),
         }

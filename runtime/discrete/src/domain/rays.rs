@@ -26,6 +26,8 @@ const EXTENDED: f64 = 1e-3;
 const BULGE: f64 = 0.5;
 /// The same for faces between their nodes, which are extended by less.
 const PLAIN: f64 = 1e-2;
+/// A ray with a smaller component goes along that axis by nothing.
+const FLAT: f64 = 1e-300;
 /// Iterations of a hit; Newton's method takes 2 to 6.
 pub(super) const ITERATIONS: usize = 30;
 /// A hit is found when its parameters move by less.
@@ -45,8 +47,16 @@ pub(super) struct Ray {
     pub(super) x: Vector3<f64>,
     pub(super) n: Vector3<f64>,
     pub(super) cell: CellId,
+    /// One over the components of the direction.
+    over: Vector3<f64>,
     /// How far it goes against its direction, into the body of its point.
     pub(super) back: f64,
+}
+
+impl Ray {
+    pub(super) fn new(x: Vector3<f64>, n: Vector3<f64>, cell: CellId, back: f64) -> Self {
+        Self { x, n, cell, over: n.map(|n| 1.0 / n), back }
+    }
 }
 
 /// Where a ray meets a face.
@@ -408,13 +418,14 @@ fn meets(ray: &Ray, bounds: &Bounds, reach: [f64; 2]) -> bool {
     let (mut from, mut to) = (-reach[0], reach[1]);
     for d in 0..3 {
         let (low, high) = (bounds[0][d] - ray.x[d], bounds[1][d] - ray.x[d]);
-        if ray.n[d] == 0.0 {
+        if ray.n[d].abs() < FLAT {
             if low > 0.0 || high < 0.0 {
                 return false;
             }
             continue;
         }
-        let (a, b) = (low / ray.n[d], high / ray.n[d]);
+        // a part of a box is its margin, far more than these are rounded by
+        let (a, b) = (low * ray.over[d], high * ray.over[d]);
         from = from.max(a.min(b));
         to = to.min(a.max(b));
     }
