@@ -29,13 +29,8 @@ use super::{
 impl ContactTerm {
     /// What inputs of a law are at a point that is an entity of its own where nothing has moved and the image is the point itself,
     /// on a plane face that faces it; `values` are those of any state.
-    pub(super) fn at_touch(
-        system: &System,
-        (group, k): (&Group, usize),
-        slots: &[InputSlot],
-        values: &[f64],
-    ) -> Vec<f64> {
-        let (mesh, dim) = (&system.mesh, system.mesh.dim());
+    pub(super) fn at_touch(system: &System, point: (&Group, usize), slots: &[InputSlot], values: &[f64]) -> Vec<f64> {
+        let (mesh, dim, (group, k)) = (&system.mesh, system.mesh.dim(), point);
         let (x, normal) = (group.position(mesh, k, 0), group.unit_normal(mesh, k, 0));
         let moves = |field: usize| system.fields.get(field).is_some_and(|f| f.kind != FieldKind::Data);
         let of = |(slot, value): (&InputSlot, &f64)| match slot {

@@ -20,9 +20,9 @@ use std::{
 };
 
 pub use edges::Edge;
-pub use moving::{Follows, ImageMotion, MovingPoints};
-pub use own::OwnPoints;
+pub use moving::{Follows, MovingPoints};
 pub(crate) use own::table_of_each;
+pub use own::{ImageMotion, OwnPoints};
 pub use rays::ImageSearch;
 pub use shifts::ShiftCheck;
 use wfl_compiler::{ir::LANES, types::EntityGeometry};

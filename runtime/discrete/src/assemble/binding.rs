@@ -14,7 +14,10 @@ use wfl_compiler::{
 
 use crate::domain::{Domain, Group, table_of_each};
 use crate::{
-    assemble::{lanes::in_lanes, simd::Lanes},
+    assemble::{
+        lanes::{has_parts, in_lanes},
+        simd::Lanes,
+    },
     field::{Field, FieldError, FieldSpace},
 };
 use wfl_mesh::{
@@ -332,8 +335,9 @@ impl Binding {
     /// [`FieldError`] when a field has no dofs on an entity of the domain.
     pub fn new(mesh: &Mesh, domain: &Domain, fields: &[Field], law: LawSlots<'_>) -> Result<Self, FieldError> {
         let mut made = Self::fixed(mesh, domain, fields, law, None)?;
-        let is_assembled = !law.tests.is_empty();
-        if let Some(domain) = is_assembled.then(|| in_lanes(mesh, domain, fields, &made.groups)).flatten() {
+        let is_assembled = !law.tests.is_empty() && has_parts(domain);
+        let acting = || made.groups.iter().map(|group| group.acting(fields)).collect::<Vec<_>>();
+        if let Some(domain) = is_assembled.then(|| in_lanes(mesh, domain, &acting())).flatten() {
             let binding = Arc::new(Self::fixed(mesh, &domain, fields, law, None)?);
             made.in_lanes = Some(Arc::new(Integrator { domain: Arc::new(domain), binding }));
         }
@@ -402,9 +406,7 @@ impl Binding {
                 offset += basis.n_dofs();
                 bases.push(basis);
             }
-            let mut bound = GroupBinding::new(mesh.dim(), group, bases);
-            bound.bent = bent(mesh, group, &bound.bases);
-            groups.push(bound);
+            groups.push(GroupBinding::new(mesh, group, bases));
         }
         let tests = law.tests.iter().map(place).collect();
         let trials = law.trials.iter().map(place).collect();
@@ -447,8 +449,8 @@ impl Binding {
 }
 
 impl GroupBinding {
-    fn new(dim: usize, group: &Group, mut bases: Vec<Basis>) -> Self {
-        let (mut values, mut n_derivatives) = (Vec::new(), 0);
+    fn new(mesh: &Mesh, group: &Group, mut bases: Vec<Basis>) -> Self {
+        let (dim, mut values, mut n_derivatives) = (mesh.dim(), Vec::new(), 0);
         for basis in &mut bases {
             let table = &basis.table;
             if group.own.is_some() {
@@ -473,7 +475,8 @@ impl GroupBinding {
             basis.starts.hessians = n_derivatives;
             n_derivatives += if basis.order > 1 { dim * dim * n } else { 0 };
         }
-        Self { bases, values, n_derivatives, bent: None }
+        let bent = bent(mesh, group, &bases);
+        Self { bases, values, n_derivatives, bent }
     }
 
     /// By basis what the tangent of a group of points is made of: its field, side, functions, those that act, and their
@@ -488,6 +491,17 @@ impl GroupBinding {
             support: b.support.clone(),
         };
         self.bases.iter().map(of).collect()
+    }
+
+    /// By field and side the functions that act; `None` where some act at some of the points alone.
+    fn acting(&self, fields: &[Field]) -> Option<Vec<Vec<u16>>> {
+        let is_nodal = |basis: &&Basis| !matches!(fields[basis.field.index()].space, FieldSpace::Points(_));
+        let of = |basis: &Basis| {
+            let mut rows = basis.table.values.chunks_exact(basis.n_nodes.max(1));
+            let act = |row: &[f64]| basis.support.iter().all(|i| row[usize::from(*i)].abs() > NO_VALUE);
+            rows.all(act).then(|| basis.support.clone())
+        };
+        self.bases.iter().filter(is_nodal).map(of).collect()
     }
 
     /// True where entities are points.
@@ -528,7 +542,7 @@ fn starts_of_point(dim: usize, basis: &Basis, end: &mut usize) -> Starts {
 }
 
 /// A basis function below this at every point does not act there; its largest value is 1.
-pub(super) const NO_VALUE: f64 = 1e-14;
+const NO_VALUE: f64 = 1e-14;
 
 fn basis(
     mesh: &Mesh,

@@ -326,7 +326,7 @@ impl Points<'_> {
                 };
                 let tangents = [0, 1].map(|t| [0, 1, 2].map(|d| own(t, d)));
                 let out = &mut w.derivatives[from..];
-                geometry.surface_gradients(D, &tangents, (row.gradients, basis.n_nodes), out, stride);
+                geometry.surface_gradients(D, &tangents, row.gradients, basis.n_nodes, out, stride);
                 continue;
             }
             geometry.gradients::<S, D, Lanes>(simd, row, &mut w.derivatives[from..], stride);
@@ -366,7 +366,7 @@ impl Points<'_> {
             let from = first.start + q * first.step;
             if let Some(tangents) = &basis.tangents {
                 let (table, out) = (&basis.table, &mut w.derivatives[from..]);
-                geometry.surface_gradients(D, tangents, (Row::of(table, q).gradients, table.n_dofs), out, stride);
+                geometry.surface_gradients(D, tangents, Row::of(table, q).gradients, table.n_dofs, out, stride);
                 continue;
             }
             let row = Row::of(&basis.table, q);

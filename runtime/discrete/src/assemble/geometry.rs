@@ -368,7 +368,8 @@ impl PointGeometry {
         &self,
         dim: usize,
         tangents: &[[N; 3]; 2],
-        (slopes, n): (&[N], usize),
+        slopes: &[N],
+        n: usize,
         out: &mut [Lanes],
         stride: usize,
     ) {

@@ -7,11 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use super::binding::{Basis, GroupBinding, NO_VALUE};
-use crate::{
-    domain::{Domain, Group, Over},
-    field::{Field, FieldSpace},
-};
+use crate::domain::{Domain, Group, Over};
 use wfl_mesh::mesh::Mesh;
 
 /// What groups that are assembled together have in common.
@@ -23,16 +19,13 @@ struct Alike {
     supports: Vec<Vec<u16>>,
 }
 
-/// The points of a domain as entities, for a law with these bases; `None` where they are not parts of entities with images.
-pub(super) fn in_lanes(mesh: &Mesh, domain: &Domain, fields: &[Field], bound: &[GroupBinding]) -> Option<Domain> {
-    let keys = || domain.groups.iter().map(|group| group.key);
-    let repeat = keys().zip(keys().skip(1)).any(|(a, b)| a == b);
-    if domain.moving.is_some() || !repeat || !matches!(domain.over, Over::Facets | Over::Cells) {
-        return None;
-    }
+/// The points of a domain as entities; `None` where they are not parts of entities with images. `acting` has by group the
+/// functions that act, by field and side; `None` where some act at some of its points alone, as under a rule with its points
+/// at the nodes: such a group is assembled by itself.
+pub(super) fn in_lanes(mesh: &Mesh, domain: &Domain, acting: &[Option<Vec<Vec<u16>>>]) -> Option<Domain> {
     let mut sets: BTreeMap<Alike, Vec<usize>> = BTreeMap::new();
-    for (g, (group, bound)) in domain.groups.iter().zip(bound).enumerate() {
-        if let Some(alike) = alike(group, fields, bound) {
+    for (g, (group, acting)) in domain.groups.iter().zip(acting).enumerate() {
+        if let Some(alike) = alike(group, acting.as_ref()) {
             sets.entry(alike).or_default().push(g);
         }
     }
@@ -40,19 +33,16 @@ pub(super) fn in_lanes(mesh: &Mesh, domain: &Domain, fields: &[Field], bound: &[
     if sets.is_empty() { None } else { domain.with_joined(mesh, &sets) }
 }
 
+/// Whether groups of a domain are parts of entities whose images stay: those of others have keys of their own.
+pub(super) fn has_parts(domain: &Domain) -> bool {
+    let keys = || domain.groups.iter().map(|group| group.key);
+    let repeat = keys().zip(keys().skip(1)).any(|(a, b)| a == b);
+    domain.moving.is_none() && repeat && matches!(domain.over, Over::Facets | Over::Cells)
+}
+
 /// `None` for a group that is assembled by itself.
-fn alike(group: &Group, fields: &[Field], bound: &GroupBinding) -> Option<Alike> {
+fn alike(group: &Group, acting: Option<&Vec<Vec<u16>>>) -> Option<Alike> {
     let there = group.there.as_ref().filter(|_| group.entities.len() == 1 && group.own.is_none())?;
-    let has_own_nodes = |basis: &&Basis| !matches!(fields[basis.field.index()].space, FieldSpace::Points(_));
-    let mut supports = Vec::with_capacity(bound.bases.len());
-    for basis in bound.bases.iter().filter(has_own_nodes) {
-        let mut rows = basis.table.values.chunks_exact(basis.n_nodes.max(1));
-        // a function that acts at some of the points alone, as under a rule with its points at the nodes
-        if !rows.all(|row| basis.support.iter().all(|i| row[usize::from(*i)].abs() > NO_VALUE)) {
-            return None;
-        }
-        supports.push(basis.support.clone());
-    }
     let image = (there.kind.index(), there.facets.first().map(|facet| facet.local));
-    Some(Alike { key: group.key, is_own: group.is_own, image, supports })
+    Some(Alike { key: group.key, is_own: group.is_own, image, supports: acting?.clone() })
 }

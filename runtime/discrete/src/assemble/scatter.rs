@@ -168,15 +168,17 @@ impl Scatter {
     }
 
     /// Finds all places in a pattern. `dofs[entity * n_dofs + k]` are global, `free` maps them to rows and columns of the
-    /// pattern; rows that `owns` refuses are those of another rank. Of some entities the pattern may lack places. `known` are places of a group like this one in the same pattern, by the same rows, with its dofs.
+    /// pattern; rows that `owns` refuses are those of another rank. Of some entities the pattern may lack places. `known` are
+    /// places of a group like this one in the same pattern, by the same rows, with its dofs.
     pub(super) fn locate(
         &mut self,
         n_dofs: usize,
         dofs: &[u32],
-        (pattern, free): (&Pattern, &[u32]),
+        on: (&Pattern, &[u32]),
         owns: impl Fn(u32) -> bool,
         known: Option<(&Self, &[u32])>,
     ) {
+        let (pattern, free) = on;
         self.lacking.clear();
         let entities = dofs.len() / n_dofs.max(1);
         self.row_starts.clear();

@@ -16,8 +16,8 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::{
-    Domain, Group, GroupSide, OwnPoints,
-    own::facet_normals,
+    Domain, Group, GroupSide,
+    own::{ImageMotion, OwnPoints, facet_normals},
     rays::{Current, Hit, ImageSearch, Ray, Targets},
 };
 use crate::space::Space;
@@ -37,21 +37,6 @@ pub struct Follows {
     pub field: usize,
     /// Its nodes.
     pub space: Space,
-}
-
-/// How the image of a point shifts, as laws read it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ImageMotion {
-    /// Entries of the symmetric matrix of the shift: row i and column j >= i at `j (j + 1)/2 + i`.
-    pub shift: [f64; 6],
-    /// Derivative of the outward normal along the face: row i, column j at `i + dim j`.
-    pub slope: [f64; 9],
-    /// The current unit normal of the point, along which its image was looked for.
-    pub normal: [f64; 3],
-    /// How far along it the image is, negative where the bodies overlap; of a closest point how far outside of the face.
-    pub gap: f64,
-    /// What stands in for the position of the image where there is none.
-    pub stand_in: Option<[f64; 3]>,
 }
 
 /// A point with what its ray is made of.
@@ -212,7 +197,7 @@ impl MovingPoints {
         }
         // not under the lock: who waits for other threads may be given work that asks for images, too
         let (current, spare) = (self.targets.current(mesh, there), self.spare_displacement(mesh, there));
-        let found = |point: &Point| self.found(mesh, point, [here, there], (&current, spare));
+        let found = |point: &Point| self.found(mesh, point, [here, there], &current, spare);
         let found: Vec<(Image, ImageMotion)> = self.points.par_iter().map(found).collect();
         let mut rest = found.as_slice();
         let group = |group: &Group| {
@@ -255,7 +240,8 @@ impl MovingPoints {
         mesh: &Mesh,
         point: &Point,
         [here, there]: [&[f64]; 2],
-        (current, spare): (&Current, Vector3<f64>),
+        current: &Current,
+        spare: Vector3<f64>,
     ) -> (Image, ImageMotion) {
         let ray = point.ray(mesh.dim(), here);
         let hit = ray.as_ref().and_then(|ray| self.targets.image(mesh, current, ray));

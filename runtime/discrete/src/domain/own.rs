@@ -10,11 +10,26 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::{Domain, Group, GroupSide, ImageMotion};
+use super::{Domain, Group, GroupSide};
 use wfl_mesh::{
     element::{Element, Table},
     mesh::{Image, Mesh},
 };
+
+/// How the image of a point shifts, as laws read it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImageMotion {
+    /// Entries of the symmetric matrix of the shift: row i and column j >= i at `j (j + 1)/2 + i`.
+    pub shift: [f64; 6],
+    /// Derivative of the outward normal along the face: row i, column j at `i + dim j`.
+    pub slope: [f64; 9],
+    /// The current unit normal of the point, along which its image was looked for.
+    pub normal: [f64; 3],
+    /// How far along it the image is, negative where the bodies overlap; of a closest point how far outside of the face.
+    pub gap: f64,
+    /// What stands in for the position of the image where there is none.
+    pub stand_in: Option<[f64; 3]>,
+}
 
 /// What the entities of a group of points have of their own, each list by entity.
 #[derive(Clone, Debug, Default)]
