@@ -3,7 +3,11 @@
 
 use std::path::Path;
 
-use wfl_runtime::Outcome;
+use wfl_runtime::{
+    Outcome,
+    assemble::FieldValues,
+    output::{Piece, VtkCell},
+};
 use wfl_tests::{
     ranks::{self, Holding, Shared},
     reference, refused, solved,
@@ -107,6 +111,46 @@ fn fields_on_lines_have_gradients_along_them() {
     for (name, should) in [("slope", 0.0), ("across", 0.0), ("middle", 7.0), ("error", 0.0), ("n", 6.0)] {
         let is = found.measure(0, name);
         assert!((is - should).abs() < 10.0 * EXACT, "{name}: {is}, {should}");
+    }
+}
+
+/// What lives on edges alone is written as lines, in the plane as points, each once; and has a value at a point of them.
+#[test]
+fn fields_on_edges_are_written_and_have_values_at_points() {
+    for (dim, at, other, kinds, n) in
+        [(2, "[0,0]", "[0.1,0]", VtkCell::Vertex, 1), (3, "[0,0,0.5]", "[0,0.1,0.5]", VtkCell::Line, 2)]
+    {
+        let height = if dim == 2 { "0" } else { "z" };
+        let scene = |at: &str| {
+            format!(
+                "{}term pf on star : (pf - 1)*Test_pf\nterm line on joints : (pc - 2 - {height})*Test_pc\n\
+                 measure here = value(pc) at {at}\nmeasure face = value(pf) at {at}\noutput vtk \"net\" : pf, pc, 2*pc as twice\n",
+                star(1, dim)
+            )
+        };
+        let found = solved(scene(at));
+        let should = if dim == 2 { 2.0 } else { 2.5 };
+        assert!((found.measure(0, "here") - should).abs() < EXACT, "{dim}: {}", found.measure(0, "here"));
+        assert!((found.measure(0, "face") - 1.0).abs() < EXACT);
+        let (system, state) = (&found.scene.system, &found.outcome.steps[0].state);
+        let (current, previous) = (system.slices(state), system.previous_slices());
+        let values = FieldValues { current: &current, previous: &previous, rates: None };
+        let pieces: Vec<Piece> = found.scene.vtk[0]
+            .pieces
+            .iter()
+            .map(|piece| piece.written(piece.sample(&system.mesh, 0.0, 0.0, values)))
+            .collect();
+        let lines =
+            pieces.iter().find(|piece| piece.point_data.iter().any(|array| array.name == "pc")).expect("a piece");
+        assert_eq!(lines.cells.iter().map(|(kind, _)| kind).collect::<Vec<_>>(), vec![kinds; n], "{dim}");
+        for (x, values) in lines.points.iter().zip(&lines.point_data[0].values) {
+            let should = if dim == 2 { 2.0 } else { 2.0 + x[2] };
+            assert!(x[0].abs() + x[1].abs() < EXACT && (values - should).abs() < EXACT, "{dim} {x:?} {values}");
+        }
+        assert!(lines.point_data.iter().any(|array| array.name == "twice"), "{dim}");
+        assert!(pieces.iter().any(|piece| piece.cell_data.iter().any(|array| array.name == "pf")), "{dim}");
+        let told = refused(&scene(other));
+        assert!(told.contains("E435") && told.contains("the point is in no body that has this expression"), "{told}");
     }
 }
 

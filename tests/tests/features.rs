@@ -161,8 +161,8 @@ fn what_states_cannot_do_is_told() {
     assert!(one.contains("E413") && one.contains("rates"), "{one}");
 }
 
-/// A multiplier on a crack: at its ends, where the body is whole, it has nothing to hold and is dropped without a word; what
-/// is left out says so.
+/// A multiplier on a crack: at its ends, where the body is whole, it has nothing to hold and follows the next node without a
+/// word; what is left out says so.
 #[test]
 fn a_multiplier_ends_where_a_tear_ends() {
     let text = "mesh box [-1,-1] to [1,1] cells [4,4] quad

@@ -155,11 +155,11 @@ fn directions_that_are_no_axes_are_found() {
     assert!(solved.measure(0, "normal") < 1e-9 && (solved.measure(0, "slip") - 0.2).abs() < 1e-9);
 }
 
-/// A constant pressure through a closed crack inside a body: at its tips both sides are one node, and a multiplier there has no
-/// equation. One value a face beside displacements of degree two has the pressure exactly; the numbers of the other spaces are
-/// those of `docs/flow_in_faults.md`.
+/// A constant pressure through a closed crack inside a body, in the pairs of spaces of `docs/flow_in_faults.md`: at its tips both
+/// sides are one node, and a multiplier has the value of the next one there. One value a face needs displacements of degree
+/// two.
 #[test]
-fn one_pressure_a_face_passes_through_a_closed_crack() {
+fn a_pressure_passes_through_a_closed_crack() {
     let scene = |element: &str, multiplier: &str, cells: &str| {
         let space = if cells.ends_with("hex") || cells.ends_with("tet") { 3 } else { 2 };
         let (low, high, exact, inside) = if space == 3 {
@@ -179,24 +179,18 @@ fn one_pressure_a_face_passes_through_a_closed_crack() {
              measure worst = max(abs(l - 1)) at nodes of crack\nmeasure square = integral(sqr(l - 1)) on crack\n"
         )
     };
-    for (element, cells) in [("P2", "[12,12] tri"), ("Q2", "[12,12] quad"), ("Q2", "[6,6,4] hex")] {
-        let found = solved(scene(element, "DP0", cells));
-        assert!(found.measure(0, "worst") < 1e-11, "{element} {cells}: {}", found.measure(0, "worst"));
-    }
-    for (element, multiplier, cells, squares) in [
-        ("P1", "P1", "tri", [0.143, 0.072]),
-        ("Q1", "Q1", "quad", [0.143, 0.072]),
-        ("P2", "P1", "tri", [0.146, 0.073]),
-        ("P2", "P2", "tri", [0.059, 0.029]),
+    for (element, multiplier, cells) in [
+        ("P2", "DP0", "[12,12] tri"),
+        ("Q2", "DP0", "[12,12] quad"),
+        ("Q2", "DP0", "[6,6,4] hex"),
+        ("P1", "P1", "[12,12] tri"),
+        ("Q1", "Q1", "[12,12] quad"),
+        ("P2", "P1", "[12,12] tri"),
+        ("P2", "P2", "[12,12] tri"),
     ] {
-        for (n, square) in [12, 24].into_iter().zip(squares) {
-            let found = solved(scene(element, multiplier, &format!("[{n},{n}] {cells}")));
-            let (worst, is) = (found.measure(0, "worst"), found.measure(0, "square"));
-            assert!(
-                (worst - 1.0).abs() < 1e-9 && (is - square).abs() < 1e-3,
-                "{element} {multiplier} {n}: {worst} {is}"
-            );
-        }
+        let found = solved(scene(element, multiplier, cells));
+        let (worst, square) = (found.measure(0, "worst"), found.measure(0, "square"));
+        assert!(worst < 1e-11 && square < 1e-22, "{element} {multiplier} {cells}: {worst:e} {square:e}");
     }
     let told = refused(&scene("P1", "DP0", "[12,12] tri"));
     assert!(told.contains("is not unique"), "{told}");

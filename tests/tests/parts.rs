@@ -207,7 +207,7 @@ fn a_number_that_one_rank_has_alone_is_the_same_error_on_all() {
 }
 
 /// Scenes that no example is.
-const UNSEEN: [(&str, &str); 9] = [
+const UNSEEN: [(&str, &str); 10] = [
     (
         "P2 on triangles, a region of nodes, point loads, a line on faces",
         "wfl 1
@@ -284,6 +284,35 @@ measure f = integral(l) on fault
 measure p = max(Norm(a)) on lower
 output vtk \"r\" : a, b, l
 output csv \"c\" : l, a, b along [0,1] to [2,1] with points=11
+",
+    ),
+    (
+        "a crack that holds, with a multiplier that follows at its rim, and a line where faces cross",
+        "wfl 1
+mesh box [-1,-1,-1] to [1,1,1] cells [4,4,4] tet
+region low = cells where z <= 0
+region high = cells where z >= 0
+region crack = interface from low to high & faces of low where z == 0 and x*x <= 0.26 and y*y <= 0.26
+region ends = faces where z*z == 1
+region left = cells where x < 0
+region sheet = faces of left where x == 0
+region floor = faces of low where z == 0
+region star = sheet + floor
+region joints = crossings of star
+unknown u : vector
+split u across crack
+multiplier l : vector on crack
+unknown p : scalar on joints
+def jump(v) = v - Interpolate(v, neighbor_element)
+term elastic on all : (Div_u*Id(3) + 2*Sym(Grad_u)):Grad_Test_u
+term hold on crack : l.jump(Test_u) + jump(u).Test_l
+term line on joints : Grad_p.Grad_Test_p + (p - sin(y))*Test_p
+fix u = [0.1*z, 0, -0.1*z*(1 + 0.3*x)] on ends
+measure f = integral(l.Normal) on crack
+measure m = max(Norm(l)) at nodes of crack
+measure q = value(p) at [0,0.3,0]
+output vtk \"r\" : u, l, p
+output csv \"c\" : l as l, p along [0,-1,0] to [0,1,0] with points=9
 ",
     ),
     (

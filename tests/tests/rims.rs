@@ -208,14 +208,14 @@ fn a_rim_without_a_condition_is_known() {
         ));
         let rims = found.scene.rims_of_fields();
         assert_eq!(rims.len(), 1, "an unknown without a flux has nothing to tell");
-        assert_eq!((rims[0].field.as_str(), rims[0].nodes), ("p", 16));
+        assert_eq!((rims[0].field.as_str(), rims[0].edges), ("p", 16));
         let place = |x: [f64; 3]| [x[0], x[1]];
-        rims[0].open.iter().map(|open| (open.nodes, place(open.low), place(open.high))).collect::<Vec<_>>()
+        rims[0].open.iter().map(|open| (open.edges, place(open.low), place(open.high))).collect::<Vec<_>>()
     };
-    assert_eq!(scene("load p = 1 on corner"), [(15, [0.0, 0.0], [1.0, 1.0])]);
+    assert_eq!(scene("load p = 1 on corner"), [(16, [0.0, 0.0], [1.0, 1.0])]);
     assert_eq!(
         scene("fix p = 1 on west\nterm out on east : p*Test_p"),
-        [(3, [0.25, 0.0], [0.75, 0.0]), (3, [0.25, 1.0], [0.75, 1.0])]
+        [(4, [0.0, 0.0], [1.0, 0.0]), (4, [0.0, 1.0], [1.0, 1.0])]
     );
     assert_eq!(scene("region edge = rim of sheet\nfix p = 1 on edge"), []);
 }

@@ -325,19 +325,25 @@ fn rims(scene: &Scene) -> Table {
     let corner = |x: &[f64; 3]| Value::from(x[..dim].iter().map(|c| short(*c)).collect::<Vec<_>>());
     for rim in scene.rims_of_fields() {
         let row = |part: &str, n: usize| vec![rim.field.clone().into(), part.into(), n.into()];
-        let all = format!("{} nodes", rim.nodes);
+        let what = match (dim, rim.edges) {
+            (3, 1) => "edge",
+            (3, _) => "edges",
+            (_, 1) => "end",
+            _ => "ends",
+        };
+        let all = format!("{} {what}", rim.edges);
         if rim.open.is_empty() {
             table.push([row(&all, 0), vec![Value::Null; 3]].concat());
         }
         if rim.open.len() > SHEETS_SHOWN {
-            let n = rim.open.iter().map(|part| part.nodes).sum();
+            let n = rim.open.iter().map(|part| part.edges).sum();
             let pieces = format!("{all}, {} pieces", rim.open.len());
             table.push([row(&pieces, n), vec![Value::Null, Value::Null, "none".into()]].concat());
             continue;
         }
         for part in &rim.open {
             let place = vec![corner(&part.low), corner(&part.high), "none".into()];
-            table.push([row(&all, part.nodes), place].concat());
+            table.push([row(&all, part.edges), place].concat());
         }
     }
     table

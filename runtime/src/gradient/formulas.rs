@@ -190,7 +190,9 @@ impl Formulas {
                 if made.follows_places() && extended.fields[k].is_at_points() {
                     return Err(of_points(&field.name, value.span));
                 }
-                if !made.is_still() && extended.scene.system.numbering.has_ties() {
+                let system = &extended.scene.system;
+                let follows = || system.numbering.ties().iter().any(|tie| system.field_of(tie.follower) == k);
+                if !made.is_still() && follows() {
                     return Err(not_made("first values of nodes that follow others have no derivative yet"));
                 }
                 if !made.is_still() {

@@ -22,7 +22,7 @@ use super::{
     formulas::Formula,
     laws::{Of, Placed, acts},
     near::{NEAR, NearKink},
-    refused::{flat, no_result, not_in_weights, of_balance, of_followed, of_mapped_measure, within},
+    refused::{flat, no_result, not_in_weights, of_balance, of_mapped_measure, within},
     standing::{Ends, Standing},
 };
 use crate::{
@@ -191,9 +191,6 @@ impl Asked {
         if let Some(rows) = measure.rows() {
             if scene.explicit.is_some() || scene.system.rates().is_some_and(|r| r.scheme().offset() != 0.0) {
                 return Err(within(name, declared.expr.span));
-            }
-            if scene.system.numbering.has_ties() {
-                return Err(of_followed(name, declared.expr.span));
             }
             let names: Vec<&str> = extended.live.iter().map(|live| live.name.as_str()).collect();
             not_in_weights(&declared.expr, &names)?;

@@ -92,12 +92,6 @@ pub(super) fn of_balance(name: &str, span: Span) -> Box<Diagnostic> {
     Box::new(d.help("`reaction(p)` has one: what flows out where values are prescribed"))
 }
 
-/// A reaction in a scene in which nodes follow others.
-pub(super) fn of_followed(name: &str, span: Span) -> Box<Diagnostic> {
-    let d = message(format!("`{name}` is a reaction in a scene whose nodes follow others: it has no derivative yet"));
-    Box::new(d.at(span, "").help("the integral of a traction over the faces is the same force, and has one"))
-}
-
 /// A reaction where equations stand within a step.
 pub(super) fn within(name: &str, span: Span) -> Box<Diagnostic> {
     let d = message(format!(
@@ -172,9 +166,11 @@ pub(super) fn of_mapping(name: &str, span: Option<Span>) -> Box<Diagnostic> {
     Box::new(placed(d, span))
 }
 
-/// Nodes that follow others on a mesh that moves.
+/// Nodes that follow others along axes of their own on a mesh that moves.
 pub(super) fn of_ties(name: &str) -> Box<Diagnostic> {
-    let d = message(format!("`{name}` moves the mesh, and nodes that follow others have no derivatives there yet"));
+    let d = message(format!(
+        "`{name}` moves the mesh, and nodes that follow others along inclined axes have no derivatives there yet"
+    ));
     Box::new(d.help("differences of whole runs: wfl sweep"))
 }
 

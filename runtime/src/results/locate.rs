@@ -1,4 +1,4 @@
-//! Expressions at given points: points are found in cells or on faces, values taken there.
+//! Expressions at given points: points are found in cells, on faces or on edges of faces, values taken there.
 //!
 //! Points of one cell or face form one group, so a cloud of points costs about one group a cell. A point on a face
 //! between two bodies belongs to each of them: the first cell of the list that holds it is taken; of ranks that have parts
@@ -9,7 +9,7 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use crate::{
     assemble::{Domain, Group, GroupSide, Over},
-    mesh::{CellFinder, CellId, FacetFinder, FacetRef, InterfaceFacet, Mesh, MeshError, RegionSet},
+    mesh::{CellFinder, CellId, FaceEdge, FacetFinder, FacetRef, InterfaceFacet, Mesh, MeshError, RegionSet},
     quadrature::Rule,
 };
 
@@ -64,7 +64,8 @@ impl Located {
                 let one = |p: &InterfaceFacet| (p.here, RegionSet::Interface(vec![*p]));
                 Self::on_faces(mesh, pairs.iter().map(one).collect(), points)
             }
-            RegionSet::Edges(_) | RegionSet::Nodes(_) => Self::on_faces(mesh, Vec::new(), points),
+            RegionSet::Edges(edges) => Self::on_edges(mesh, edges, points),
+            RegionSet::Nodes(_) => Self::on_faces(mesh, Vec::new(), points),
         }
     }
 
@@ -103,6 +104,44 @@ impl Located {
         }
         Ok(Self { domain: domain(mesh, Over::Facets, groups), points: numbers, found })
     }
+
+    fn on_edges(mesh: &Mesh, edges: &[FaceEdge], points: &[[f64; 3]]) -> Result<Self, MeshError> {
+        // a face that holds a point may have several of the edges
+        let finders: Vec<FacetFinder> = edges.iter().map(|edge| FacetFinder::new(mesh, &[edge.face])).collect();
+        let holder = |x: &[f64; 3]| {
+            edges.iter().zip(&finders).enumerate().find_map(|(n, (edge, finder))| {
+                let parameter = on_edge(mesh, *edge, finder.holding(mesh, *x)?.1)?;
+                let FaceEdge { face, local, .. } = *edge;
+                let name = u64::from(mesh.cell_number(face.cell)) << 16 | u64::from(face.local) << 8 | u64::from(local);
+                Some((name, n, parameter))
+            })
+        };
+        let (held, found) = of_one_rank(mesh, points.iter().map(holder).collect());
+        let (mut groups, mut numbers) = (Vec::new(), Vec::new());
+        for (n, held) in by_entity(&held) {
+            let points: Vec<[f64; 3]> = held.iter().map(|h| h.1).collect();
+            let rule = |kind| Rule { kind, degree: 0, weights: vec![1.0; points.len()], points: points.clone() };
+            let made = Domain::new(mesh, &RegionSet::Edges(vec![edges[n]]), &rule)?.groups;
+            groups.extend(made.into_iter().map(|group| Group { is_own: !mesh.is_whole(), ..group }));
+            numbers.push(held.iter().map(|h| h.0).collect());
+        }
+        Ok(Self { domain: domain(mesh, Over::Edges, groups), points: numbers, found })
+    }
+}
+
+/// How far beside an edge, in the parameters of its face, a point is still on it.
+const ON_EDGE: f64 = 1e-6;
+
+/// The parameter of a point of a face, by its parameters there, on an edge of it; `None` when it is not on it.
+fn on_edge(mesh: &Mesh, edge: FaceEdge, of_face: [f64; 3]) -> Option<[f64; 3]> {
+    let map = mesh.facet_kind(edge.face).facet_map(usize::from(edge.local));
+    let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| a[i] * b[i]).sum::<f64>();
+    let from_start: [f64; 3] = std::array::from_fn(|i| of_face[i] - map.origin[i]);
+    let length = dot(map.tangents[0], map.tangents[0]);
+    let t = if length > 0.0 { dot(map.tangents[0], from_start) / length } else { 0.0 };
+    let beside = |i: usize| (from_start[i] - t * map.tangents[0][i]).abs();
+    let near = (0..3).all(|i| beside(i) <= ON_EDGE) && (-ON_EDGE..=1.0 + ON_EDGE).contains(&t);
+    near.then_some([t, 0.0, 0.0])
 }
 
 /// By place of an entity in its list the points that it holds, with their parameters.

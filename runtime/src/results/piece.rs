@@ -1,9 +1,12 @@
-//! One piece of a VTU file: the cells of a body or the facets of an interface, with sampled expressions.
+//! One piece of a VTU file: the cells of a body, the facets of an interface, or edges of facets, with sampled expressions.
 //!
 //! Points are the nodes of a Lagrange space on the piece (degree 1, or 2 where a field has degree 2 or more), shared
 //! between neighbours; an expression that jumps between cells (a stress) is averaged over the cells at a point.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 use wfl_compiler::types::Shape;
 
@@ -12,7 +15,7 @@ use crate::{
     element::{ElementError, Family},
     field::{Field, FieldError, FieldSpace},
     halo::Halo,
-    mesh::{CellKind, FacetRef, Mesh, MeshError, Part, SupportSet, Topology},
+    mesh::{CellKind, FaceEdge, FacetRef, Mesh, MeshError, Part, SupportSet, Topology},
     output::{Array, Cells, Piece, VtkCell},
     quadrature::Rule,
     share::owners_of_space,
@@ -40,55 +43,66 @@ pub struct SampledPiece {
     support: SupportSet,
     /// An array that is written again under another name: the item, and the name.
     again: Option<(usize, &'static str)>,
-    /// Where this rank has a part of the mesh alone.
-    part: Option<PartOfPiece>,
+    /// By entity whether this rank writes it, where it does not write all.
+    is_written: Option<Vec<bool>>,
+    /// Where this rank has a part of the mesh alone: nodes whose owners are other ranks, which have all cells around them.
+    halo: Option<Halo>,
 }
 
-/// A piece on one of several ranks that have parts of the mesh.
-struct PartOfPiece {
-    /// By entity whether this rank counts it: it writes those.
-    is_counted: Vec<bool>,
-    /// Nodes whose owners are other ranks: they have all cells around them.
-    halo: Halo,
+/// By entity whether it is written: by the rank that counts it, an edge once for all its faces. `None` where all are.
+fn written(mesh: &Mesh, space: &Space) -> Option<Vec<bool>> {
+    let part = mesh.part().filter(|_| !mesh.is_whole());
+    let all = 0..space.n_positions();
+    match space.support() {
+        Support::Cells(cells) => part.map(|_| all.map(|k| mesh.counts_cell(cells[k])).collect()),
+        Support::Facets(facets) => part.map(|_| all.map(|k| mesh.counts_facet(facets[k])).collect()),
+        Support::Edges(edges) => {
+            let mut seen = BTreeSet::new();
+            let is_first = |edge: &FaceEdge| {
+                let mut ends = mesh.edge_ends(*edge);
+                ends.sort_unstable();
+                // the owner of an edge has all its faces
+                let is_own = part.is_none_or(|part| usize::from(part.owner(&ends)) == part.team().rank());
+                seen.insert(ends) && is_own
+            };
+            Some(edges.iter().map(is_first).collect())
+        }
+    }
 }
 
-impl PartOfPiece {
-    /// Made by all ranks together.
-    fn new(mesh: &Mesh, part: &Part, space: &Space, support: &Support) -> Self {
-        let facet = |position: usize| match support {
-            Support::Cells(cells) => (cells[position], u8::MAX),
-            Support::Facets(facets) => (facets[position].cell, facets[position].local),
-            Support::Edges(edges) => (edges[position].face.cell, edges[position].face.local),
-        };
-        let is_counted = (0..space.n_positions()).map(|position| match support {
-            Support::Cells(cells) => mesh.counts_cell(cells[position]),
-            Support::Facets(facets) => mesh.counts_facet(facets[position]),
-            Support::Edges(edges) => mesh.counts_facet(edges[position].face),
-        });
-        let (owners, own) = (owners_of_space(space, mesh, part), part.team().rank());
-        // what an owner is asked: which node of which entity
-        let mut copies: BTreeMap<u32, (usize, Vec<u64>)> = BTreeMap::new();
-        for position in 0..space.n_positions() {
-            let (cell, local) = facet(position);
-            let number = u64::from(mesh.cell_number(cell));
-            for (dof, node) in space.entity_nodes(position).iter().enumerate() {
-                let rank = usize::from(owners[*node as usize]);
-                if rank != own {
-                    copies.entry(*node).or_insert_with(|| (rank, vec![number, u64::from(local), dof as u64]));
-                }
+/// The nodes of a piece that other ranks own; made by all ranks together.
+fn halo(mesh: &Mesh, part: &Part, space: &Space) -> Halo {
+    let place = |position: usize| match space.support() {
+        Support::Cells(cells) => (cells[position], [u8::MAX; 2]),
+        Support::Facets(facets) => (facets[position].cell, [facets[position].local, u8::MAX]),
+        Support::Edges(edges) => (edges[position].face.cell, [edges[position].face.local, edges[position].local]),
+    };
+    let (owners, own) = (owners_of_space(space, mesh, part), part.team().rank());
+    // what an owner is asked: which node of which entity
+    let mut copies: BTreeMap<u32, (usize, Vec<u64>)> = BTreeMap::new();
+    for position in 0..space.n_positions() {
+        let (cell, [local, edge]) = place(position);
+        let number = u64::from(mesh.cell_number(cell));
+        for (dof, node) in space.entity_nodes(position).iter().enumerate() {
+            let rank = usize::from(owners[*node as usize]);
+            if rank != own {
+                copies
+                    .entry(*node)
+                    .or_insert_with(|| (rank, vec![number, u64::from(local), u64::from(edge), dof as u64]));
             }
         }
-        let find = |words: &[u64]| {
-            let cell = mesh.numbered_cell(u32::try_from(words[0]).ok()?)?;
-            let position = match u8::try_from(words[1]).ok()? {
-                u8::MAX => space.position_of_cell(cell)?,
-                local => space.position_of_facet(FacetRef { cell, local })?,
-            };
-            space.entity_nodes(position).get(usize::try_from(words[2]).ok()?).copied()
-        };
-        let copies = copies.into_iter().map(|(node, (rank, words))| (node, rank, words));
-        Self { is_counted: is_counted.collect(), halo: Halo::found(&**part.team(), 3, copies, find) }
     }
+    let find = |words: &[u64]| {
+        let cell = mesh.numbered_cell(u32::try_from(words[0]).ok()?)?;
+        let nodes = match [words[1], words[2]].map(|word| u8::try_from(word).unwrap_or(u8::MAX)) {
+            [u8::MAX, _] => space.entity_nodes(space.position_of_cell(cell)?),
+            [local, u8::MAX] => space.entity_nodes(space.position_of_facet(FacetRef { cell, local })?),
+            [local, edge] => space.on_edge(FacetRef { cell, local }, edge)?.1,
+        };
+        nodes.get(usize::try_from(words[3]).ok()?).copied()
+    };
+    let copies = copies.into_iter().map(|(node, (rank, words))| (node, rank, words));
+    Halo::found(&**part.team(), 4, copies, find)
 }
 
 impl SampledPiece {
@@ -110,6 +124,7 @@ impl SampledPiece {
                 let facets: Vec<FacetRef> = pairs.iter().map(|p| p.here).collect();
                 Space::on_facets(mesh, topology, &facets, degree, Family::Continuous)?
             }
+            SupportSet::Edges(edges) => Space::on_edges(mesh, topology, edges)?,
         };
         split_as(&mut space, topology, fields);
         let rule = |kind: CellKind| {
@@ -119,12 +134,13 @@ impl SampledPiece {
         let domain = Arc::new(Domain::new(mesh, &support.region(), &rule)?);
         let mut cells = Cells::default();
         for position in 0..space.n_positions() {
-            let kind = vtk_cell(space.element_at(position).kind(), degree);
+            let kind = vtk_cell(space.element_at(position).kind(), space.degree());
             cells.push_local(kind, space.entity_nodes(position));
         }
-        let part = mesh.part().filter(|_| !mesh.is_whole());
-        let part = part.map(|part| PartOfPiece::new(mesh, part, &space, space.support()));
-        Ok(Self { space, cells, domain, items: Vec::new(), support: support.clone(), again: None, part })
+        let halo = mesh.part().filter(|_| !mesh.is_whole()).map(|part| halo(mesh, part, &space));
+        let is_written = written(mesh, &space);
+        let (items, support) = (Vec::new(), support.clone());
+        Ok(Self { space, cells, domain, items, support, again: None, is_written, halo })
     }
 
     /// Adds an expression under a name.
@@ -162,7 +178,7 @@ impl SampledPiece {
         found.is_some()
     }
 
-    /// The cells or facets it covers.
+    /// The cells, facets or edges it covers.
     #[must_use]
     pub fn support(&self) -> &SupportSet {
         &self.support
@@ -196,11 +212,11 @@ impl SampledPiece {
         grid + self.items.iter().map(item).chain(again).sum::<usize>()
     }
 
-    /// The entities of a sampled piece that this rank writes: all of them, or those that it counts.
+    /// The entities of a sampled piece that this rank writes: all of them, or those that it counts, and of edges each once.
     #[must_use]
     pub fn written(&self, piece: Piece) -> Piece {
-        match &self.part {
-            Some(part) => piece.kept(&part.is_counted),
+        match &self.is_written {
+            Some(is_written) => piece.kept(is_written),
             None => piece,
         }
     }
@@ -229,8 +245,8 @@ impl SampledPiece {
             for (node, count) in counts.iter().enumerate() {
                 sums[node * nc..][..nc].iter_mut().for_each(|s| *s /= count);
             }
-            if let Some(part) = &self.part {
-                part.halo.of_entries(nc).update(mesh.team(), &mut sums);
+            if let Some(halo) = &self.halo {
+                halo.of_entries(nc).update(mesh.team(), &mut sums);
             }
             point_data.push(array(&item.name, item.value.law.shape, sums));
         }

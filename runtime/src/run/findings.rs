@@ -48,7 +48,6 @@ const CHECKS: &[Check] = &[
     Check { codes: &[Code::W649], look: watched::alternating },
     Check { codes: &[Code::W632, Code::W670], look: watched::lost_images },
     Check { codes: &[Code::W610], look: |run| bad_measures(run.run) },
-    Check { codes: &[Code::W680], look: closed_tips },
     Check { codes: &[Code::W620], look: |run| leaving::lost(run).into_iter().collect() },
     Check { codes: &[Code::W650], look: unbalanced },
     Check {
@@ -260,12 +259,6 @@ fn laborious(steps: &[StepResult]) -> Option<Diagnostic> {
 /// W610 for measures that are no numbers.
 fn bad_measures(run: &Run) -> Vec<Diagnostic> {
     run.bad.iter().map(|bad| Diagnostic::new(Code::W610, bad.text())).collect()
-}
-
-/// W680 in the last state.
-fn closed_tips(run: &Ended<'_>) -> Vec<Diagnostic> {
-    let time = run.run.steps.last().map_or(0.0, |s| s.time);
-    scene::closed_tips(run.scene, time, &run.run.u)
 }
 
 /// W650.

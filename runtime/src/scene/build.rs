@@ -359,8 +359,7 @@ impl Builder<'_> {
             unmapped: self.unmapped,
             inputs: self.inputs,
             tables,
-            idle: idle.notes,
-            tips: idle.tips,
+            idle,
             in_terms: names_in_terms(self.script),
             env,
         })
@@ -461,6 +460,7 @@ impl Builder<'_> {
         if let Some(told) = self.unknowns.take() {
             numbering.set_frames(told.frames.clone());
             numbering.fix(told.fixed());
+            numbering.tie(told.ties);
             numbering.free_of_whole = Some(told.free);
             return prescribed;
         }
@@ -506,11 +506,11 @@ fn without_idle(
     script: &ResolvedScript,
     sides: idle::Sides<'_>,
     diagnostics: &mut Vec<Diagnostic>,
-) -> Option<(System, Contact, idle::Idle)> {
+) -> Option<(System, Contact, idle::Notes)> {
     let (mut system, mut contact) = made.map_err(|e| diagnostics.push(structure_error(script, e))).ok()?;
     if !system.mesh.is_whole() {
         contact.share(&system);
-        return Some((system, contact, idle::Idle::default()));
+        return Some((system, contact, idle::Notes::new()));
     }
     let idle = idle::leave_out(script, sides, &mut system, &contact, diagnostics);
     let idle = idle.map_err(|e| diagnostics.push(structure_error(script, e))).ok()?;

@@ -2,25 +2,32 @@
 //!
 //! At a node the terms couple the components of a multiplier with displacements at that position: the rows of the jump.
 //! A direction of the multiplier without a free displacement there is idle; its equation is empty. Such a direction is
-//! dropped, unless a law depends on it where the sides can still move in another direction: friction needs the normal
-//! traction at a node that can only slide. Then it takes the value of the multiplier at the nearest node where it is
-//! not idle, as the mortar method uses constants at the ends of an interface (Wohlmuth 2000), so that a uniform
-//! traction stays uniform.
+//! dropped, with two exceptions, in which it takes the value of the multiplier at the nearest node where it is not idle,
+//! as the mortar method uses constants at the ends of an interface (Wohlmuth 2000), so that a uniform traction stays
+//! uniform:
+//! - a law depends on it where the sides can still move in another direction: friction needs the normal traction at a
+//!   node that can only slide;
+//! - both sides are one node, the tip of a crack: the traction of a closed crack does not end with the jump. A zero there
+//!   would spoil the faces beside it. The equations of such a node are added to those of the one it follows; the jump is
+//!   zero there, so that what is one-sided keeps its sign: where the node that it follows is open, both are zero.
 //!
 //! Promises: directions follow from the tangents ([`Friction`]), independent of the components of the multiplier;
-//! nothing changes where no displacement is prescribed. Redundancy between two multipliers is the task of `meeting.rs`.
+//! nothing changes where no displacement is prescribed and no crack ends. Redundancy between two multipliers is the task
+//! of `meeting.rs`.
 
 mod directions;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    cmp::Ordering,
+    collections::{BTreeMap, BTreeSet},
+};
 
-use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript};
+use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript, Span};
 use wfl_compiler::types::{FieldKind, Side};
 
 use super::{
     constraints::{SAME_PLACE, Spot, at_place, extent},
     mappings::Mappings,
-    tips::Tips,
 };
 use crate::{
     contact::{Contact, Friction, couplings, has_multiplier},
@@ -33,14 +40,8 @@ use crate::{
 };
 use directions::{Node, Split};
 
-/// What was found of the multipliers of a scene.
-#[derive(Default)]
-pub(super) struct Idle {
-    /// What `wfl check` says of nodes whose sides are one: the multiplier and the reason.
-    pub(super) notes: Vec<(String, String)>,
-    /// Where those nodes are.
-    pub(super) tips: Vec<Tips>,
-}
+/// What `wfl check` says of nodes whose sides are one: the multiplier and the reason.
+pub(super) type Notes = Vec<(String, String)>;
 
 /// A node of a multiplier at which some displacement is prescribed, or both sides are one.
 struct Candidate {
@@ -73,10 +74,10 @@ pub(super) fn leave_out(
     system: &mut System,
     contact: &Contact,
     diagnostics: &mut Vec<Diagnostic>,
-) -> Result<Idle, CsrError> {
+) -> Result<Notes, CsrError> {
     let candidates = candidates(script, at, system);
     if candidates.is_empty() {
-        return Ok(Idle::default());
+        return Ok(Notes::new());
     }
     let numbers = numbers(system, &candidates);
     let size = 1e-3 * extent(&system.mesh);
@@ -85,9 +86,9 @@ pub(super) fn leave_out(
     let nodes: Vec<Node> = candidates.iter().map(|c| Node::new(system, &numbers, &stick, c)).collect();
     let splits: Vec<Split> = (0..nodes.len()).map(|k| Split::new(system, &numbers, &slip, &nodes, k)).collect();
     let plan = Plan::new(system, &candidates, splits);
-    let idle = plan.tell(script, system, &candidates, diagnostics);
+    let notes = plan.tell(script, system, &candidates, diagnostics);
     system.leave_out(plan.dropped, plan.ties, plan.frames)?;
-    Ok(idle)
+    Ok(notes)
 }
 
 /// Nodes of multipliers that may have an idle direction.
@@ -193,21 +194,31 @@ impl<'a> Partners<'a> {
     fn at(&self, topology: &Topology, system: &System, facets: &[FacetRef], near: Spot) -> (Vec<usize>, bool) {
         let mut around = facets.to_vec();
         around.extend(facets.iter().filter_map(|f| topology.opposite(*f)));
-        let (mut place, mut joined) = (Vec::new(), false);
+        let (mut found, mut joined) = (Vec::new(), false);
         for field in &self.fields {
             let (FieldSpace::Nodal(space), Some(range)) = (&system.fields[*field].space, system.range(*field)) else {
                 continue;
             };
             let nodes = at_place(&system.mesh, topology, space, &around, near);
-            if nodes.len() == 1 && around.iter().any(|f| space.is_torn_along(topology.facet_id(*f))) {
+            let is_torn = around.iter().any(|f| space.is_torn_along(topology.facet_id(*f)));
+            if is_torn && nodes.len() == 1 {
                 joined = true;
                 continue;
             }
             let n = system.fields[*field].n_components;
-            place.extend(nodes.iter().flat_map(|node| (0..n).map(move |c| range.start + *node as usize * n + c)));
+            let dofs = nodes.into_iter().flat_map(move |node| (0..n).map(move |c| range.start + node as usize * n + c));
+            found.push((is_torn || lives_on_one_side(space, topology, facets), dofs));
         }
-        (place, joined)
+        // beside sides that are one, what a law reads of fields that never jump is no jump
+        let jumps = found.into_iter().filter(|(can_jump, _)| *can_jump || !joined);
+        (jumps.flat_map(|(_, dofs)| dofs).collect(), joined)
     }
+}
+
+/// Whether a space has the cells of these facets on one side alone: its values are one end of a jump to another field.
+fn lives_on_one_side(space: &Space, topology: &Topology, facets: &[FacetRef]) -> bool {
+    let has = |facet: FacetRef| space.position_of_cell(facet.cell).is_some();
+    facets.iter().any(|facet| topology.opposite(*facet).is_some_and(|other| has(*facet) != has(other)))
 }
 
 /// Numbers for the dofs of all entities of terms with multipliers that hold a candidate.
@@ -284,48 +295,74 @@ impl Plan {
         system: &System,
         candidates: &[Candidate],
         diagnostics: &mut Vec<Diagnostic>,
-    ) -> Idle {
-        let mut idle = Idle::default();
+    ) -> Notes {
+        let mut notes = Notes::new();
         for (field, declared) in script.fields.iter().enumerate() {
-            let n = system.fields[field].n_components;
-            let own = || candidates.iter().zip(&self.counts).filter(|(c, _)| c.field == field);
-            let count = |f: &dyn Fn(&Candidate, (usize, usize)) -> bool| own().filter(|(c, k)| f(c, **k)).count();
-            let joined = count(&|c, (dropped, _)| dropped > 0 && c.joined);
-            let whole = count(&|c, (dropped, _)| dropped == n && !c.joined);
-            let part = count(&|c, (dropped, _)| dropped > 0 && dropped < n && !c.joined);
-            let follow = count(&|_, (_, tied)| tied > 0);
-            let name = &system.fields[field].name;
-            if joined > 0 {
-                let why = "both sides share one node there, an end of the `split`: there is no jump";
-                idle.notes.push((format!("`{name}` at {}", nodes(joined)), why.to_owned()));
-                let ends = own().filter(|(c, (dropped, _))| *dropped > 0 && c.joined).map(|(c, _)| c.node);
-                idle.tips.extend(Tips::new(system, field, &ends.collect()));
-            }
-            let kept = "they would make the system singular in stick; `with crosspoints=keep` keeps them";
-            let mut warn = |text: String, note: &str, label: &str| {
-                diagnostics.push(Diagnostic::new(Code::W404, text).note(note).at(declared.name.span, label));
-            };
-            if whole > 0 {
-                let (have, are) = if whole == 1 { ("has", "is") } else { ("have", "are") };
-                let text = format!("{} of `{name}` {have} no jump and {are} dropped", nodes(whole));
-                warn(text, kept, "the displacements of both sides are prescribed");
-            }
-            if part > 0 {
-                let text = format!("at {} of `{name}` a component has no jump and is dropped", nodes(part));
-                warn(text, kept, "that displacement of both sides is prescribed");
-            }
-            if follow > 0 {
-                let text = format!(
-                    "at {} of `{name}` friction depends on a component without a jump: it takes the value of the \
-                     nearest node that has one",
-                    nodes(follow)
-                );
-                let note = "without it friction would be lost there; as an unknown it makes the system singular; `with \
-                            crosspoints=keep` keeps it";
-                warn(text, note, "the normal displacements of both sides are prescribed, and the sides can slide");
-            }
+            let own = candidates.iter().zip(&self.counts).filter(|(candidate, _)| candidate.field == field);
+            let (tips, others): (Vec<_>, Vec<_>) = own.partition(|(candidate, _)| candidate.joined);
+            let counts =
+                |list: Vec<(&Candidate, &(usize, usize))>| list.into_iter().map(|(_, counts)| *counts).collect();
+            let of = Of { name: &system.fields[field].name, components: system.fields[field].n_components };
+            notes.extend(of.tips(counts(tips), declared.name.span, diagnostics));
+            of.prescribed(counts(others), declared.name.span, diagnostics);
         }
-        idle
+        notes
+    }
+}
+
+/// A multiplier of which something is told.
+struct Of<'a> {
+    name: &'a str,
+    components: usize,
+}
+
+impl Of<'_> {
+    /// Of nodes where both sides are one, by node the components that are left out and those that follow.
+    fn tips(&self, counts: Vec<(usize, usize)>, span: Span, told: &mut Vec<Diagnostic>) -> Option<(String, String)> {
+        let alone = counts.iter().filter(|(dropped, _)| *dropped > 0).count();
+        if alone > 0 {
+            let text =
+                format!("`{}` is zero at {} where a `split` ends: no node beside has a jump", self.name, nodes(alone));
+            let note = "it holds nothing on these faces: both ends of each are ends of the `split`";
+            let help = "more faces along the crack; or one value a face, `DP0` beside displacements of degree two";
+            told.push(Diagnostic::new(Code::W680, text).at(span, "").note(note).help(help));
+        }
+        let following = counts.iter().filter(|(_, tied)| *tied > 0).count();
+        let why = "both sides share one node there, an end of the `split`: without a jump it takes the value of the nearest \
+                   node that has one";
+        (following > 0).then(|| (format!("`{}` at {}", self.name, nodes(following)), why.to_owned()))
+    }
+
+    /// The same of nodes where displacements of both sides are prescribed.
+    fn prescribed(&self, counts: Vec<(usize, usize)>, span: Span, told: &mut Vec<Diagnostic>) {
+        let (name, n) = (self.name, self.components);
+        let count = |f: &dyn Fn(usize, usize) -> bool| counts.iter().filter(|k| f(k.0, k.1)).count();
+        let kept = "they would make the system singular in stick; `with crosspoints=keep` keeps them";
+        let mut warn = |text: String, note: &str, label: &str| {
+            told.push(Diagnostic::new(Code::W404, text).note(note).at(span, label));
+        };
+        let whole = count(&|dropped, _| dropped == n);
+        if whole > 0 {
+            let (have, are) = if whole == 1 { ("has", "is") } else { ("have", "are") };
+            let text = format!("{} of `{name}` {have} no jump and {are} dropped", nodes(whole));
+            warn(text, kept, "the displacements of both sides are prescribed");
+        }
+        let part = count(&|dropped, _| dropped > 0 && dropped < n);
+        if part > 0 {
+            let text = format!("at {} of `{name}` a component has no jump and is dropped", nodes(part));
+            warn(text, kept, "that displacement of both sides is prescribed");
+        }
+        let follow = count(&|_, tied| tied > 0);
+        if follow > 0 {
+            let text = format!(
+                "at {} of `{name}` friction depends on a component without a jump: it takes the value of the nearest \
+                 node that has one",
+                nodes(follow)
+            );
+            let note = "without it friction would be lost there; as an unknown it makes the system singular; `with \
+                        crosspoints=keep` keeps it";
+            warn(text, note, "the normal displacements of both sides are prescribed, and the sides can slide");
+        }
     }
 }
 
@@ -369,8 +406,15 @@ fn leader(
         let touched = positions.clone().filter(|p| space.entity_nodes(*p).iter().any(|m| seen.contains(m)));
         let mut ring: Vec<u32> = touched.flat_map(|p| space.entity_nodes(p).iter().copied()).collect();
         ring.retain(|m| !seen.contains(m));
-        ring.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)).then(a.cmp(b)));
+        ring.sort_unstable();
         ring.dedup();
+        // of nodes that are as near but for rounding, the first by its coordinates, whatever its number is
+        let far = ring.iter().fold(0.0f64, |far, node| far.max(distance(*node)));
+        let steps = |node: u32| (distance(node) / far * 1e9).round();
+        ring.sort_by(|a, b| {
+            let by_place = || compare(&space.node_coordinates()[*a as usize], &space.node_coordinates()[*b as usize]);
+            steps(*a).total_cmp(&steps(*b)).then_with(by_place)
+        });
         if ring.is_empty() {
             return None;
         }
@@ -391,6 +435,11 @@ fn leader(
         }
         seen.extend(ring);
     }
+}
+
+/// The order of two points by their first coordinates that differ.
+fn compare(a: &[f64; 3], b: &[f64; 3]) -> Ordering {
+    a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(Ordering::Equal)
 }
 
 /// The entry of a small matrix.

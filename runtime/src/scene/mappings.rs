@@ -288,7 +288,7 @@ impl Mappings {
             _ => return true,
         };
         match support {
-            SupportSet::Cells(_) => false,
+            SupportSet::Cells(_) | SupportSet::Edges(_) => false,
             SupportSet::Facets(facets) => facets.iter().all(|f| from.contains(f)),
             SupportSet::Interface(pairs) => pairs.iter().all(|p| from.contains(&p.here)),
         }

@@ -61,7 +61,6 @@ mod states;
 mod surfaces;
 mod tables;
 mod terms;
-mod tips;
 mod twice;
 mod zero_loads;
 
@@ -132,7 +131,6 @@ pub use states::StateUpdate;
 pub(crate) use tables::TablesOf;
 pub(crate) use terms::Origin;
 pub use terms::RuleChoice;
-pub(crate) use tips::closed_tips;
 
 /// A quantity printed and reported at each step.
 pub struct Measure {
@@ -280,8 +278,6 @@ pub struct Scene {
     pub tables: TablesOf,
     /// Multipliers that have nodes without a jump by the mesh alone, and why.
     pub(crate) idle: Vec<(String, String)>,
-    /// Of those the ones at the ends of cracks.
-    pub(crate) tips: Vec<tips::Tips>,
     /// What the declaration of each field says.
     pub(crate) declared: Vec<DeclaredField>,
     /// Words in expressions of terms.

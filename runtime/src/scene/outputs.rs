@@ -3,10 +3,13 @@
 //! Bodies are the cell sets of the unknowns; an expression is written on every body where it is defined. One that needs
 //! a face (`Normal`, the other side) is written on the faces that have terms. A plain field is also written on the
 //! faces of its side, so that the faces of a fault carry both displacements. Quantities with a state are known at
-//! integration points only: their mean over each cell is written. Where bodies have vector unknowns of their own, `DISPLACEMENT`
-//! has all of them in one array.
+//! integration points only: their mean over each cell is written. What lives on edges of faces alone is written there.
+//! Where bodies have vector unknowns of their own, `DISPLACEMENT` has all of them in one array.
 
+mod places;
 mod points;
+
+pub(super) use places::facet_support;
 
 use std::{
     cell::Cell,
@@ -27,16 +30,14 @@ use wfl_compiler::{
 
 use crate::{
     field::{Field, FieldSpace},
-    mesh::{CellId, RegionSet, SupportSet},
+    mesh::{CellId, SupportSet},
     output::{MEASURES_FILE, OutputError, PART, check_name, step_name},
     results::{LineSample, Located, SampledPiece},
     scene::{
         Cadence, Every, Parts, Steps,
         constants::{number, numbers},
-        fields::place_sig,
         jumps,
         mappings::{Mappings, refused},
-        regions::NamedRegion,
         terms::Rules,
     },
     space::Support,
@@ -131,6 +132,12 @@ pub(super) fn outputs(maker: &mut OutputMaker<'_>) -> Made {
     (vtk, csv, series)
 }
 
+impl Target {
+    pub(super) fn is_of_edges(&self) -> bool {
+        matches!(self.support, SupportSet::Edges(_))
+    }
+}
+
 impl<'a> OutputMaker<'a> {
     /// For values at one point.
     pub(super) fn at_a_point(
@@ -145,59 +152,6 @@ impl<'a> OutputMaker<'a> {
 }
 
 impl OutputMaker<'_> {
-    fn target(&self, name: &str, set: RegionSet, support: SupportSet) -> Target {
-        let region = NamedRegion { set, edges: None, span: None, here_name: None, inside: false };
-        Target { sig: place_sig(name, &region, self.parts.mesh, self.parts.fields), support }
-    }
-
-    /// Whether two supports are the same on all ranks.
-    fn are_one(&self, a: &SupportSet, b: &SupportSet) -> bool {
-        self.parts.mesh.team().all(a == b)
-    }
-
-    /// The distinct cell sets on which fields live.
-    pub(super) fn bodies(&self) -> Vec<Target> {
-        let mut sets: Vec<Vec<CellId>> = Vec::new();
-        for field in self.parts.fields {
-            let mut cells = match &field.space {
-                FieldSpace::Nodal(space) => match space.support() {
-                    Support::Cells(cells) => cells.clone(),
-                    Support::Facets(_) | Support::Edges(_) => continue,
-                },
-                FieldSpace::Points(space) => space.cells(),
-                FieldSpace::Global => continue,
-            };
-            cells.sort_unstable();
-            // of ranks with parts of the mesh all have the same list of bodies
-            let team = self.parts.mesh.team();
-            if team.any(!cells.is_empty()) && !sets.iter().any(|set| team.all(*set == cells)) {
-                sets.push(cells);
-            }
-        }
-        if sets.is_empty() {
-            // single numbers alone: they have their values wherever somebody asks
-            sets.push(self.parts.mesh.cells().collect());
-        }
-        let target =
-            |cells: Vec<CellId>| self.target("this body", RegionSet::Cells(cells.clone()), SupportSet::Cells(cells));
-        sets.into_iter().map(target).collect()
-    }
-
-    /// The interfaces and facet regions that have terms.
-    pub(super) fn faces(&self) -> Vec<Target> {
-        let mut out: Vec<Target> = Vec::new();
-        for term in &self.parts.script.terms {
-            for place in &term.places {
-                let Some(region) = self.parts.regions.get(&place.name) else { continue };
-                let Some(support) = facet_support(&region.set) else { continue };
-                if !out.iter().any(|t| self.are_one(&t.support, &support)) {
-                    out.push(self.target(&place.name, region.set.clone(), support));
-                }
-            }
-        }
-        out
-    }
-
     fn try_compile(&self, target: &Target, e: &Expr) -> Result<ValueLaw, Vec<Diagnostic>> {
         let begin = Instant::now();
         let compiled = compile_value(self.parts.env, &target.sig, "output", e);
@@ -210,7 +164,7 @@ impl OutputMaker<'_> {
         }
     }
 
-    /// Bodies where the expression makes sense, else faces; a message when there are none.
+    /// Bodies where the expression makes sense, else faces, else edges; a message when there are none.
     pub(super) fn homes<'t>(
         &mut self,
         bodies: &'t [Target],
@@ -218,7 +172,8 @@ impl OutputMaker<'_> {
         e: &Expr,
     ) -> Vec<(&'t Target, ValueLaw)> {
         let mut problems = Vec::new();
-        for list in [bodies, faces] {
+        let (faces, edges) = faces.split_at(faces.partition_point(|t| !t.is_of_edges()));
+        for list in [bodies, faces, edges] {
             let mut found = Vec::new();
             for target in list {
                 match self.try_compile(target, e) {
@@ -289,7 +244,7 @@ impl OutputMaker<'_> {
             let name = item.name.clone();
             let mut homes = self.homes(bodies, faces, &item.expr);
             if matches!(item.expr.kind, ExprKind::Name(_)) {
-                for face in faces {
+                for face in faces.iter().filter(|face| !face.is_of_edges()) {
                     if !homes.iter().any(|(t, _)| self.are_one(&t.support, &face.support))
                         && let Some(law) = self.on_face(face, &item.expr)
                     {
@@ -514,18 +469,6 @@ impl OutputMaker<'_> {
         }
     }
 
-    /// The faces on which a line may lie: those with terms, then other regions of faces.
-    pub(super) fn faces_of_lines(&self) -> Vec<Target> {
-        let mut out = self.faces();
-        for (name, region) in self.parts.regions {
-            let Some(support) = facet_support(&region.set) else { continue };
-            if !out.iter().any(|t| self.are_one(&t.support, &support)) {
-                out.push(self.target(name, region.set.clone(), support));
-            }
-        }
-        out
-    }
-
     fn csv(&mut self, output: &wfl::Output, bodies: &[Target]) -> Option<CsvOutput> {
         let Some((from, to)) = &output.along else {
             let d = Diagnostic::new(Code::E416, "`output csv` needs a line, along [..] to [..], or points: at [..]");
@@ -585,14 +528,5 @@ impl OutputMaker<'_> {
         }
         self.outside(output, &line);
         Some(CsvOutput { file: output.file.clone(), every: self.every(output)?, line })
-    }
-}
-
-/// The facets of a region, if it is one of facets.
-pub(super) fn facet_support(set: &RegionSet) -> Option<SupportSet> {
-    match set {
-        RegionSet::Facets(f) => Some(SupportSet::Facets(f.clone())),
-        RegionSet::Interface(i) => Some(SupportSet::Interface(i.clone())),
-        _ => None,
     }
 }

@@ -5,9 +5,12 @@
 //! prepares the scene with its part. Promises: unknowns, equations and quadrature rules are those of the whole scene.
 //! Does not solve; what runs on parts agrees by the team of the mesh.
 
-use wfl::{ResolvedScript, ast::ExprKind};
+use std::collections::{BTreeMap, BTreeSet};
 
-use super::{InputFile, NamedRegion, Regions, Scene, auto::is_auto};
+use wfl::{ResolvedScript, ast::ExprKind};
+use wfl_compiler::types::FieldKind;
+
+use super::{InputFile, NamedRegion, Regions, Scene, auto::is_auto, idle::facets_of_nodes};
 use crate::{
     assemble::AssembledTerm,
     bytes::{Reader, Unreadable, Writer},
@@ -22,7 +25,7 @@ use crate::{
     rates::Rates,
     scene::Given,
     space::{SpacePart, Support},
-    system::FIXED,
+    system::{FIXED, Tie},
 };
 
 /// What a rank prepares its part of a scene with.
@@ -55,6 +58,8 @@ pub(super) struct PartOfUnknowns {
     /// By dof of the part its free number among those of the whole scene, or [`FIXED`].
     pub(super) free: Vec<u32>,
     pub(super) frames: Vec<Frame>,
+    /// Those that follow others, by dof of the part.
+    pub(super) ties: Vec<Tie>,
 }
 
 impl Scene {
@@ -70,7 +75,6 @@ impl Scene {
             (!self.env.mappings.is_empty(), "a mapping leads to any place of it"),
             (system.terms.iter().any(of_bodies), "the equation of a `global` unknown is an integral over bodies"),
             (self.explicit.is_some() || rates.is_some_and(begins), "the first rates follow from all equations"),
-            (system.numbering.has_ties(), "unknowns follow others (W404)"),
             (!self.prints.is_empty(), "terms print"),
             (self.data.iter().chain(&self.starts).any(of_file), "values at nodes come from a file"),
         ];
@@ -82,7 +86,8 @@ impl Scene {
     pub fn part_of(&self, part: &Part, rank: usize) -> Vec<u8> {
         let mesh = &self.system.mesh;
         let coupled: Vec<(CellId, CellId)> = self.coupled_cells();
-        let (mesh, places) = part.cut(mesh, &part.cells_of(mesh, rank, &coupled, &self.cells_of_all()));
+        let cells = self.with_leaders(part.cells_of(mesh, rank, &coupled, &self.cells_of_all()));
+        let (mesh, places) = part.cut(mesh, &cells);
         let regions = self.regions.iter().map(|(name, region)| PartOfRegion {
             name: name.clone(),
             set: cut(&region.set, &places),
@@ -130,12 +135,62 @@ impl Scene {
         let faces = pairs.flatten().map(|pair| (pair.here.cell, pair.there.cell));
         let edges = self.regions.values().flat_map(|region| region.edges.iter().flatten());
         let edges = edges.filter_map(|edge| Some((edge.face.cell, edge.across?.0.cell)));
-        faces.chain(edges).collect()
+        // the equations of a node that follows another one are added to those of that one
+        let followed = self.followed();
+        let ties = followed.iter().flat_map(|(follower, leader)| {
+            self.cells_beside(*follower)
+                .flat_map(|a| self.cells_beside(*leader).map(move |b| (a, b)))
+                .collect::<Vec<_>>()
+        });
+        faces.chain(edges).chain(ties).collect()
+    }
+
+    /// The cells on both sides of a face.
+    fn cells_beside(&self, face: FacetRef) -> impl Iterator<Item = CellId> + Clone {
+        std::iter::once(face.cell).chain(self.topology.opposite(face).map(|other| other.cell))
+    }
+
+    /// The faces around nodes of multipliers that follow others, each with a face of the node that it follows.
+    fn followed(&self) -> BTreeSet<(FacetRef, FacetRef)> {
+        let numbering = &self.system.numbering;
+        let mut faces: BTreeMap<usize, BTreeMap<u32, Vec<FacetRef>>> = BTreeMap::new();
+        let mut found = BTreeSet::new();
+        for tie in numbering.ties() {
+            let [(field, follower, _), (_, leader, _)] =
+                [tie.follower, tie.leader].map(|dof| numbering.describe(&self.system.fields, dof));
+            let FieldSpace::Nodal(space) = &self.system.fields[field].space else { continue };
+            let around = faces.entry(field).or_insert_with(|| facets_of_nodes(space));
+            let [follower, leader] = [follower, leader].map(|node| around.get(&(node as u32)));
+            let (Some(follower), Some(leader)) = (follower, leader.and_then(|faces| faces.first())) else { continue };
+            found.extend(follower.iter().map(|face| (*face, *leader)));
+        }
+        found
+    }
+
+    /// Some cells, and those that they need beside them: whoever has a node that follows another one has that one.
+    fn with_leaders(&self, cells: Vec<CellId>) -> Vec<CellId> {
+        let followed = self.followed();
+        if followed.is_empty() {
+            return cells;
+        }
+        let mut all: BTreeSet<CellId> = cells.into_iter().collect();
+        loop {
+            let before = all.len();
+            for (follower, leader) in &followed {
+                if all.contains(&follower.cell) {
+                    all.extend(self.cells_beside(*leader));
+                }
+            }
+            if all.len() == before {
+                return all.into_iter().collect();
+            }
+        }
     }
 
     fn unknowns_of(&self, spaces: &[Option<SpacePart>]) -> PartOfUnknowns {
         let numbering = &self.system.numbering;
         let mut made = PartOfUnknowns::default();
+        let mut own_of: BTreeMap<usize, usize> = BTreeMap::new();
         for (k, field) in self.system.fields.iter().enumerate() {
             let Some(start) = numbering.starts[k] else { continue };
             // one that is not on nodes is one for the whole scene
@@ -148,8 +203,13 @@ impl Scene {
                     made.frames.push(Frame { first: own, axes: frame.axes.clone() });
                 }
                 made.free.extend_from_slice(&numbering.free[first..][..field.n_components]);
+                if numbering.has_ties() && field.kind == FieldKind::Multiplier {
+                    own_of.extend((0..field.n_components).map(|k| (first + k, own + k)));
+                }
             }
         }
+        let own = |tie: &Tie| Some(Tie { follower: *own_of.get(&tie.follower)?, leader: *own_of.get(&tie.leader)? });
+        made.ties = numbering.ties().iter().filter_map(own).collect();
         made
     }
 
@@ -262,6 +322,10 @@ impl ScenePart {
             w.count(frame.first);
             w.list(&frame.axes, |w, axis| w.numbers(axis));
         });
+        w.list(&self.unknowns.ties, |w, tie| {
+            w.count(tie.follower);
+            w.count(tie.leader);
+        });
         w.list(&self.params, |w, (name, value)| {
             w.text(name);
             w.numbers(&[*value]);
@@ -294,12 +358,13 @@ impl ScenePart {
         let spaces = r.list(|r| if r.flag()? { read_space(r).map(Some) } else { Ok(None) })?;
         let free = r.smalls()?;
         let frames = r.list(|r| Ok(Frame { first: r.count()?, axes: r.list(Reader::numbers)? }))?;
+        let ties = r.list(|r| Ok(Tie { follower: r.count()?, leader: r.count()? }))?;
         let params = r.list(|r| Ok((r.text()?, *r.numbers()?.first().ok_or(Unreadable)?)))?;
         let inputs = r.list(|r| {
             let (name, path) = (r.text()?, r.text()?.into());
             Ok(InputFile { name, path, hash: Hash::read(&r.text()?).ok_or(Unreadable)? })
         })?;
-        Ok(Self { mesh, regions, spaces, unknowns: PartOfUnknowns { free, frames }, params, inputs })
+        Ok(Self { mesh, regions, spaces, unknowns: PartOfUnknowns { free, frames, ties }, params, inputs })
     }
 }
 

@@ -11,7 +11,7 @@ use crate::{
     assemble::{AssembledTerm, Over},
     element::Family,
     field::{Field, FieldSpace},
-    mesh::{FaceEdge, FacetRef},
+    mesh::{FaceEdge, FacetRef, Mesh, NodeId},
     space::{Space, Support},
     system::FIXED,
 };
@@ -24,8 +24,8 @@ const SAME_PLACE: f64 = 1e-9;
 pub struct RimOfField {
     /// The name of the unknown.
     pub field: String,
-    /// Its nodes on the rim.
-    pub nodes: usize,
+    /// Its edges, in the plane its ends.
+    pub edges: usize,
     /// The connected pieces of it without a condition.
     pub open: Vec<OpenRim>,
 }
@@ -33,12 +33,21 @@ pub struct RimOfField {
 /// A piece of a rim where nothing is prescribed, loaded or integrated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OpenRim {
-    /// Nodes of the unknown there.
-    pub nodes: usize,
+    /// Its edges, in the plane an end.
+    pub edges: usize,
     /// Smallest coordinates.
     pub low: [f64; 3],
     /// Largest coordinates.
     pub high: [f64; 3],
+}
+
+/// Where an unknown has conditions.
+#[derive(Default)]
+struct Held {
+    /// Nodes with a prescribed value; in the plane also those with a load.
+    nodes: BTreeSet<u32>,
+    /// Edges with a term or a load, by their ends.
+    edges: BTreeSet<Vec<NodeId>>,
 }
 
 impl Scene {
@@ -58,43 +67,47 @@ impl Scene {
         if field.kind != FieldKind::Unknown || space.family() != Family::Continuous || !flows {
             return None;
         }
-        let held = self.held_nodes(k, field, space, &own().collect::<Vec<_>>());
-        let rim = edges::rim(&self.system.mesh, faces);
-        let nodes: BTreeSet<u32> = rim.iter().flat_map(|edge| nodes_of(space, *edge)).collect();
-        let pieces = pieces(space, &rim, &held);
-        let open = pieces.iter().map(|nodes| OpenRim::of(space, nodes)).collect();
-        Some(RimOfField { field: field.name.clone(), nodes: nodes.len(), open })
+        let held = self.held(k, field, space, &own().collect::<Vec<_>>());
+        let mesh = &self.system.mesh;
+        let rim = edges::rim(mesh, faces);
+        let is_open = |edge: &&FaceEdge| {
+            !held.edges.contains(&ends(mesh, **edge))
+                && nodes_of(space, **edge).iter().any(|node| !held.nodes.contains(node))
+        };
+        let open: Vec<FaceEdge> = rim.iter().filter(is_open).copied().collect();
+        let open = pieces(mesh, &open).iter().map(|edges| OpenRim::of(mesh, edges)).collect();
+        Some(RimOfField { field: field.name.clone(), edges: rim.len(), open })
     }
 
-    /// Nodes with a condition: prescribed, a load at the node, a term on edges.
-    fn held_nodes(&self, k: usize, field: &Field, space: &Space, terms: &[&AssembledTerm]) -> BTreeSet<u32> {
-        let mut held = BTreeSet::new();
+    fn held(&self, k: usize, field: &Field, space: &Space, terms: &[&AssembledTerm]) -> Held {
+        let mesh = &self.system.mesh;
+        let mut held = Held::default();
         if let Some(range) = self.system.range(k) {
             let is_held = |dof: usize| self.system.numbering.free[dof] == FIXED;
             let of_node = |node: &u32| {
                 let first = range.start + *node as usize * field.n_components;
                 (first..first + field.n_components).any(is_held)
             };
-            held.extend((0..space.n_nodes()).filter_map(|n| u32::try_from(n).ok()).filter(of_node));
+            held.nodes.extend((0..space.n_nodes()).filter_map(|n| u32::try_from(n).ok()).filter(of_node));
         }
-        let size = extent(&self.system.mesh);
+        let size = extent(mesh);
         for term in terms {
             let domain = &term.integrator.domain;
             match domain.over {
+                // what goes from face to face is no condition where they end
                 Over::Edges => {
-                    // what goes from face to face is no condition where they end
-                    let ends = domain.edges().filter(|edge| edge.across.is_none());
-                    held.extend(ends.flat_map(|edge| nodes_of(space, edge)));
+                    held.edges.extend(domain.edges().filter(|edge| edge.across.is_none()).map(|edge| ends(mesh, edge)));
                 }
-                Over::Points if domain.groups.iter().any(|g| !g.here.facets.is_empty()) => {
+                // in space a source at a node of the rim is none along its edges
+                Over::Points if mesh.dim() < 3 && domain.groups.iter().any(|g| !g.here.facets.is_empty()) => {
                     let points: Vec<[f64; 3]> =
-                        (0..domain.n_entities).map(|point| domain.position(&self.system.mesh, point)).collect();
+                        (0..domain.n_entities).map(|point| domain.position(mesh, point)).collect();
                     let is_loaded = |x: &[f64; 3]| {
                         let apart = |p: &[f64; 3]| (0..3).map(|d| (x[d] - p[d]).abs()).fold(0.0, f64::max);
                         points.iter().any(|p| apart(p) < SAME_PLACE * size)
                     };
                     let all = (0u32..).zip(space.node_coordinates());
-                    held.extend(all.filter(|(_, x)| is_loaded(x)).map(|(node, _)| node));
+                    held.nodes.extend(all.filter(|(_, x)| is_loaded(x)).map(|(node, _)| node));
                 }
                 _ => {}
             }
@@ -104,14 +117,21 @@ impl Scene {
 }
 
 impl OpenRim {
-    fn of(space: &Space, nodes: &BTreeSet<u32>) -> Self {
+    fn of(mesh: &Mesh, edges: &[FaceEdge]) -> Self {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for x in nodes.iter().map(|node| space.node_coordinates()[*node as usize]) {
+        for x in edges.iter().flat_map(|edge| mesh.edge_ends(*edge)).map(|node| mesh.node(node)) {
             low = std::array::from_fn(|i| x[i].min(low[i]));
             high = std::array::from_fn(|i| x[i].max(high[i]));
         }
-        Self { nodes: nodes.len(), low, high }
+        Self { edges: edges.len(), low, high }
     }
+}
+
+/// The ends of an edge, sorted.
+fn ends(mesh: &Mesh, edge: FaceEdge) -> Vec<NodeId> {
+    let mut ends = mesh.edge_ends(edge);
+    ends.sort_unstable();
+    ends
 }
 
 /// The nodes of a space on an edge of its faces.
@@ -123,18 +143,18 @@ fn nodes_of(space: &Space, edge: FaceEdge) -> Vec<u32> {
     })
 }
 
-/// The nodes of a rim that are not held, by connected piece.
-fn pieces(space: &Space, rim: &[FaceEdge], held: &BTreeSet<u32>) -> Vec<BTreeSet<u32>> {
-    let mut piece_of: BTreeMap<u32, usize> = BTreeMap::new();
-    let mut pieces: Vec<BTreeSet<u32>> = Vec::new();
-    for edge in rim {
-        let open: BTreeSet<u32> = nodes_of(space, *edge).into_iter().filter(|node| !held.contains(node)).collect();
-        let met: BTreeSet<usize> = open.iter().filter_map(|node| piece_of.get(node).copied()).collect();
-        let mut whole = open;
+/// Edges by connected piece.
+fn pieces(mesh: &Mesh, edges: &[FaceEdge]) -> Vec<Vec<FaceEdge>> {
+    let mut piece_of: BTreeMap<NodeId, usize> = BTreeMap::new();
+    let mut pieces: Vec<Vec<FaceEdge>> = Vec::new();
+    for edge in edges {
+        let met: BTreeSet<usize> = ends(mesh, *edge).iter().filter_map(|node| piece_of.get(node).copied()).collect();
+        let mut whole = vec![*edge];
         for piece in met {
             whole.append(&mut pieces[piece]);
         }
-        whole.iter().for_each(|node| _ = piece_of.insert(*node, pieces.len()));
+        let nodes = whole.iter().flat_map(|edge| ends(mesh, *edge));
+        nodes.for_each(|node| _ = piece_of.insert(node, pieces.len()));
         pieces.push(whole);
     }
     pieces.retain(|piece| !piece.is_empty());

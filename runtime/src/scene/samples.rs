@@ -148,6 +148,7 @@ impl Scene {
     /// The faces of the terms with kinks, or all faces with terms where there are none.
     pub(super) fn compared_faces(&self, maker: &OutputMaker<'_>) -> Vec<Target> {
         let mut faces = maker.faces();
+        faces.retain(|face| !face.is_of_edges());
         let kinked: Vec<&str> =
             self.terms.iter().filter(|t| t.class == Class::Kinked).map(|t| t.place.as_str()).collect();
         if faces.iter().any(|f| kinked.contains(&f.sig.name.as_str())) {

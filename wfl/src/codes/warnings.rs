@@ -10,8 +10,9 @@ pages! {
          for it, or at the edge of two surfaces another multiplier constrains the same jump. Components that can jump \
          are kept. Where the sides can still slide and friction needs the normal traction, the traction of the nearest \
          node where it is determined is used. An augmented Lagrangian acts as a penalty of stiffness gamma at dropped \
-         nodes. `with crosspoints=keep` keeps all components. Nodes at the end of a crack, where both sides are one \
-         node, are counted by `wfl check`; W680 tells of those of a closed crack.",
+         nodes. `with crosspoints=keep` keeps all components. At the tips of a crack, where both sides are one node, the \
+         traction of the nearest node that has a jump is used, without a message: `wfl check` counts these nodes, and W680 \
+         tells of tips without such a node.",
         "multiplier l : vector on fault\nfix uL, uR = [0,0,0] on boundary\n\
          term glue on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l",
         "multiplier l : vector on fault with crosspoints=keep\nfix uL, uR = [0,0,0] on boundary\n\
@@ -668,14 +669,14 @@ pages! {
     ),
     page(
         W680,
-        "a multiplier at the end of a closed crack",
-        "Where a crack ends inside a body both sides are one node: there is no jump, the equation of a continuous multiplier \
-         is empty there, and its value is left out, zero. The traction of a crack that is closed there is not zero, and on the \
-         faces beside the end the multiplier is wrong by as much; a finer mesh only makes these faces smaller. One value a \
-         face (`DP0`) has no such node, and is stable beside displacements of degree two. Nothing is told of a crack that is \
-         open at its ends, where the traction is zero.",
-        "unknown u : vector P2\nsplit u across crack\nmultiplier l : scalar P1 on crack",
-        "unknown u : vector P2\nsplit u across crack\nmultiplier l : scalar DP0 on crack",
+        "a multiplier at the tips of a crack without a node between them",
+        "Where a crack ends inside a body both sides are one node: there is no jump, and the equation of a continuous \
+         multiplier is empty there. It takes the value of the nearest node of the multiplier that has a jump, so that a uniform \
+         traction stays uniform up to the tip. Here no node of these faces has one, as on a crack of a single face: the \
+         multiplier is zero there, and what displacements of degree two can still jump between the tips is held by nothing. More \
+         faces along the crack have nodes between its tips; one value a face (`DP0`) has no node at a tip.",
+        "unknown u : vector P2\nsplit u across one_face\nmultiplier l : scalar P1 on one_face",
+        "unknown u : vector P2\nsplit u across one_face\nmultiplier l : scalar DP0 on one_face",
     ),
     page(
         W702,

@@ -118,8 +118,8 @@ pub(super) const ROWS: &[StatementRow] = &[
         word: "multiplier",
         usage: "`multiplier l : ... on f`",
         meaning: "a Lagrange multiplier. Components without a jump, or constrained by another multiplier, are \
-                  dropped; one that friction depends on takes the value of the nearest node (W404). `with \
-                  crosspoints=keep` keeps all",
+                  dropped; one that friction depends on takes the value of the nearest node (W404), as all do at \
+                  the tips of a crack, where both sides are one node. `with crosspoints=keep` keeps all",
         default: "",
     },
     StatementRow {

@@ -12,7 +12,7 @@ impl Space {
     /// Tears a continuous space on cells along `facets`, each named from one of its sides. Facets that are not between
     /// two cells of the space stay as they are.
     pub fn split(&mut self, topology: &Topology, facets: &[FacetRef]) {
-        if self.family == Family::Discontinuous || matches!(self.support, Support::Facets(_)) {
+        if self.family == Family::Discontinuous || !matches!(self.support, Support::Cells(_)) {
             return;
         }
         let torn: BTreeSet<FacetId> = facets.iter().map(|f| topology.facet_id(*f)).collect();

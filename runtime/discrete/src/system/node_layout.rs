@@ -32,7 +32,7 @@ impl System {
 
     /// The same of a matrix that need not be positive definite: nodes of multipliers come behind the others as their
     /// fields do, with as many components; no elements of degree 1 below those of degree 2. Beside it the rows of the
-    /// multipliers, increasing.
+    /// multipliers, increasing. One that follows another has no row of its own.
     ///
     /// # Errors
     /// Why there is no such layout.
@@ -83,9 +83,6 @@ impl System {
                 name(*other),
                 name(*first)
             ));
-        }
-        if self.numbering.has_ties() {
-            return Err("some unknowns follow others".to_owned());
         }
         Ok(components)
     }

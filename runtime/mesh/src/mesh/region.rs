@@ -50,6 +50,8 @@ pub enum SupportSet {
     Facets(Vec<FacetRef>),
     /// Facets with two sides.
     Interface(Vec<InterfaceFacet>),
+    /// Edges of facets; where several facets meet, one for each.
+    Edges(Vec<FaceEdge>),
 }
 
 impl SupportSet {
@@ -60,6 +62,7 @@ impl SupportSet {
             Self::Cells(c) => RegionSet::Cells(c.clone()),
             Self::Facets(f) => RegionSet::Facets(f.clone()),
             Self::Interface(i) => RegionSet::Interface(i.clone()),
+            Self::Edges(e) => RegionSet::Edges(e.clone()),
         }
     }
 }

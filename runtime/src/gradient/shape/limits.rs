@@ -32,7 +32,9 @@ pub(super) fn check(
     if let Some(mapping) = mappings.chain(of_states).flatten().next() {
         return Err(refused::of_mapping(name, script.mappings.get(mapping).map(|m| m.span)));
     }
-    if scene.system.numbering.has_ties() {
+    // which node follows which is no matter of where they stand, but the axes of a frame are
+    let numbering = &scene.system.numbering;
+    if numbering.ties().iter().any(|tie| numbering.frames.of(tie.follower).is_some()) {
         return Err(refused::of_ties(name));
     }
     let lives_on_edges = |field: &crate::field::Field| match &field.space {

@@ -24,6 +24,8 @@ pub(super) struct Node {
     n: usize,
     place: Vec<usize>,
     position: [f64; 3],
+    /// Both sides are one: whatever the laws read, the traction goes on there.
+    joined: bool,
     /// Orthonormal directions that act on nothing.
     idle: Vec<Vec<f64>>,
 }
@@ -55,7 +57,7 @@ impl Node {
         // a multiplier that no term couples with displacements is another matter
         let idle = if acts { null_space(n, &columns) } else { Vec::new() };
         let position = field.node_position(candidate.node as usize);
-        Self { first, n, place: candidate.place.clone(), position, idle }
+        Self { first, n, place: candidate.place.clone(), position, joined: candidate.joined, idle }
     }
 }
 
@@ -104,7 +106,7 @@ pub(super) struct Split {
     n: usize,
     /// That nothing reads.
     pub(super) dropped: Vec<Vec<f64>>,
-    /// That a law reads where the sides can move another way.
+    /// That a law reads where the sides can move another way, and all where both sides are one.
     pub(super) tied: Vec<Vec<f64>>,
 }
 
@@ -117,8 +119,8 @@ impl Split {
         let beside: Vec<&Node> = nodes.iter().filter(at_place).collect();
         let (mut dropped, mut tied) = (Vec::new(), Vec::new());
         for direction in &node.idle {
-            let read = slip.iter().any(|matrix| is_read(system, numbers, matrix, node, &beside, direction));
-            if read { tied.push(direction.clone()) } else { dropped.push(direction.clone()) }
+            let read = || slip.iter().any(|matrix| is_read(system, numbers, matrix, node, &beside, direction));
+            if node.joined || read() { tied.push(direction.clone()) } else { dropped.push(direction.clone()) }
         }
         Self { n: node.n, dropped, tied }
     }
