@@ -45,6 +45,44 @@ pub(super) fn subtract_product<T: Stored>(a: &[T], x: &[f64], y: &mut [f64]) {
     Arch::new().dispatch(Operation(a, x, y));
 }
 
+/// `y = y - A x`: of each column of A, which are `stride` numbers apart, those from `first` on, as many as y has.
+pub(super) fn subtract_columns(a: &[f64], stride: usize, x: &[f64], first: usize, y: &mut [f64]) {
+    struct Operation<'a, T>(&'a [T], usize, &'a [f64], usize, &'a mut [f64]);
+    widest!(Operation, simd, |a, stride, x, first, y| {
+        let n = y.len();
+        let column = |k: usize| &a[k * stride + first..][..n];
+        let (fours, rest) = x.as_chunks::<4>();
+        for (k, factors) in fours.iter().enumerate() {
+            subtract_four(simd, [0, 1, 2, 3].map(|j| column(4 * k + j)), *factors, y);
+        }
+        for (k, factor) in rest.iter().enumerate() {
+            subtract(simd, column(4 * fours.len() + k), *factor, y);
+        }
+    });
+    Arch::new().dispatch(Operation(a, stride, x, first, y));
+}
+
+/// The largest `|a|`; a NaN counts as nothing.
+pub(super) fn largest_beside(a: &[f64]) -> f64 {
+    struct Operation<'a, T>(&'a [T], &'a mut [f64; LANES]);
+    widest!(Operation, _simd, |a, largest| {
+        let (whole, rest) = a.as_chunks::<LANES>();
+        for values in whole {
+            let values = T::widened(values);
+            for lane in 0..LANES {
+                let size = values[lane].abs();
+                largest[lane] = if size > largest[lane] { size } else { largest[lane] };
+            }
+        }
+        for value in rest {
+            largest[0] = largest[0].max(value.wide().abs());
+        }
+    });
+    let mut largest = [0.0; LANES];
+    Arch::new().dispatch(Operation(a, &mut largest));
+    largest.into_iter().fold(0.0, f64::max)
+}
+
 /// Sum of products in [`LANES`] partial sums.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut f64);
