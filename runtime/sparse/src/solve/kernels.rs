@@ -217,6 +217,24 @@ pub(super) fn upper_transposed_solve<T: Stored>(panel: &[T], m: usize, x: &mut [
     Arch::new().dispatch(Operation(panel, m, x));
 }
 
+/// `x = D⁻¹ x`: D on the diagonal of a panel of m rows, and beside it.
+pub(super) fn divide_by_pivots(panel: &[f64], beside: &[f64], m: usize, x: &mut [f64]) {
+    let mut at = 0;
+    while at < x.len() {
+        let (a, b) = (panel[at * m + at], beside[at]);
+        if b == 0.0 {
+            x[at] /= a;
+            at += 1;
+            continue;
+        }
+        let c = panel[(at + 1) * m + at + 1];
+        let (p, q) = (a / b, c / b);
+        let scale = 1.0 / (b * (p * q - 1.0));
+        (x[at], x[at + 1]) = ((q * x[at] - x[at + 1]) * scale, (p * x[at + 1] - x[at]) * scale);
+        at += 2;
+    }
+}
+
 /// Rows that [`combine`] makes at once, and the vectors of each that stay in registers.
 pub(super) const TOGETHER: usize = 3;
 const HELD: usize = 3;

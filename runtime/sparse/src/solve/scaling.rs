@@ -34,6 +34,8 @@ pub(super) fn symmetric_scale(parts: &[&Csr], diagonal: &[f64], owners: Option<&
 
 /// Rounds of [`evened`]: each halves the exponents of what rows differ by (Ruiz 2001).
 const ROUNDS: usize = 5;
+/// Largest entries of rows that are even enough: the threshold of pivots is far from both.
+const EVEN: std::ops::Range<f64> = 0.2..5.0;
 
 /// `s` such that the largest entries of the rows of `S T A S`, T A symmetric, are about 1; `row_factors` are those of T.
 pub(super) fn evened(matrix: &Csr, row_factors: &[f64]) -> Vec<f64> {
@@ -46,7 +48,7 @@ pub(super) fn evened(matrix: &Csr, row_factors: &[f64]) -> Vec<f64> {
                 * (row_factors[row] * scale[row]).abs()
         };
         let sizes: Vec<f64> = (0..matrix.n_rows()).map(largest).collect();
-        if sizes.iter().all(|size| *size == 0.0 || (0.5..2.0).contains(size)) {
+        if sizes.iter().all(|size| *size == 0.0 || EVEN.contains(size)) {
             break;
         }
         scale.iter_mut().zip(sizes).filter(|(_, size)| *size > 0.0).for_each(|(scale, size)| *scale /= size.sqrt());

@@ -7,10 +7,9 @@ use rayon::prelude::*;
 
 use super::contributions::{Contributions, Extent};
 use super::kernels::{
-    Diagonal, lower_solve, lower_transposed_solve, subtract_product, subtract_transposed_product, upper_solve,
-    upper_transposed_solve,
+    Diagonal, divide_by_pivots, lower_solve, lower_transposed_solve, subtract_product, subtract_transposed_product,
+    upper_solve, upper_transposed_solve,
 };
-use super::ldlt::divide_by_pivots;
 use super::multifrontal::Panel;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
 

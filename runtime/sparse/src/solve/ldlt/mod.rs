@@ -13,8 +13,6 @@ mod symmetry;
 mod tests;
 mod tree;
 
-pub(super) use front::divide_by_pivots;
-
 use std::sync::Arc;
 
 use super::SolveError;

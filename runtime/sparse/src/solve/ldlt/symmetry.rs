@@ -13,19 +13,30 @@ use crate::norm::largest;
 /// Relative asymmetry that rounding in assembly explains.
 const ASYMMETRY: f64 = 1e-10;
 
+/// Pairs between groups that are looked at first for T: as a rule they hold what all others say, too.
+const FIRST: usize = 1 << 14;
+
 /// The number of each row that makes a square matrix symmetric, 1 for the first row of a component; `None` where there is
 /// none. `groups` has the group of each row, from zero; without it all rows are one.
 pub(super) fn symmetrising(matrix: &Csr, groups: Option<&[u32]>) -> Option<Vec<f64>> {
-    let n = matrix.n_rows();
-    let factors = match groups {
-        Some(groups) => group_factors(matrix, groups)?,
-        None => vec![1.0],
+    let largest_entries: Vec<f64> =
+        (0..matrix.n_rows()).map(|row| largest(matrix.row(row).1.iter().copied())).collect();
+    let Some(groups) = groups else {
+        return symmetric_with(matrix, &largest_entries, vec![1.0; matrix.n_rows()]);
     };
-    let factor = |row: usize| groups.map_or(1.0, |groups| factors[groups[row] as usize]);
-    let by_row: Vec<f64> = (0..n).map(factor).collect();
+    let by_row = |factors: Vec<f64>| groups.iter().map(|group| factors[*group as usize]).collect();
+    let with = |most: usize| {
+        let factors = group_factors(matrix, groups, most)?;
+        symmetric_with(matrix, &largest_entries, by_row(factors))
+    };
+    with(FIRST).or_else(|| with(usize::MAX))
+}
+
+/// These factors of rows, if a matrix is symmetric with them.
+fn symmetric_with(matrix: &Csr, largest_entries: &[f64], by_row: Vec<f64>) -> Option<Vec<f64>> {
     // rounding of an entry that couples two unknowns is a part of what both are stiff
-    let size = |row: usize| (by_row[row].abs() * largest(matrix.row(row).1.iter().copied())).sqrt();
-    let sizes: Vec<f64> = (0..n).map(size).collect();
+    let sizes: Vec<f64> =
+        by_row.iter().zip(largest_entries).map(|(factor, size)| (factor.abs() * size).sqrt()).collect();
     let mut is_symmetric = true;
     pairs(matrix, |row, column, value, transposed| {
         let difference = by_row[row] * value - by_row[column] * transposed;
@@ -36,11 +47,11 @@ pub(super) fn symmetrising(matrix: &Csr, groups: Option<&[u32]>) -> Option<Vec<f
     is_symmetric.then_some(by_row)
 }
 
-/// By group the number of its rows, from the largest entries between two groups.
-fn group_factors(matrix: &Csr, groups: &[u32]) -> Option<Vec<f64>> {
+/// By group the number of its rows, from the largest entries between two groups, of no more than `most` pairs between them.
+fn group_factors(matrix: &Csr, groups: &[u32], most: usize) -> Option<Vec<f64>> {
     let n = groups.iter().max().map_or(0, |last| *last as usize + 1);
     // by pairs of groups the largest entry above the diagonal between them, and the one across
-    let mut largest = vec![(0.0f64, 0.0f64); n * n];
+    let (mut largest, mut seen) = (vec![(0.0f64, 0.0f64); n * n], 0);
     pairs(matrix, |row, column, value, transposed| {
         let (a, b) = (groups[row] as usize, groups[column] as usize);
         if a != b {
@@ -49,8 +60,9 @@ fn group_factors(matrix: &Csr, groups: &[u32]) -> Option<Vec<f64>> {
             if entry.0.abs() > largest[place].0.abs() {
                 largest[place] = entry;
             }
+            seen += 1;
         }
-        true
+        seen < most
     });
     let mut factors = vec![0.0; n];
     for first in 0..n {
