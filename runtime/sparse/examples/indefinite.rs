@@ -133,7 +133,8 @@ impl System {
         let size = points.len();
         let mut triplets = Vec::new();
         for (k, &row) in number.iter().enumerate().filter(|(_, row)| **row != u32::MAX) {
-            add_node(&line, place(k, n), (dim, is_biot), &number, (row, first), &mut triplets);
+            add_node(&line, place(k, n), (dim, is_biot), &number, row, &mut triplets);
+            add_coupling(&line, place(k, n), dim, (row, first), &mut triplets);
         }
         if is_biot {
             add_pressures(&line, low, dim, first, &mut triplets);
@@ -143,17 +144,16 @@ impl System {
     }
 }
 
-/// Rows of the displacements (velocities) of a node, and the coupling with pressures on both sides of the diagonal.
+/// Rows of the displacements (velocities) of a node, without pressures.
 fn add_node(
     line: &Line,
     at: [usize; 3],
     kind: (usize, bool),
     number: &[u32],
-    rows: (u32, u32),
+    row: u32,
     triplets: &mut Vec<(u32, u32, f64)>,
 ) {
-    let ((dim, is_biot), (row, first)) = (kind, rows);
-    let (n, low) = (line.mass.len(), line.low_mass.len());
+    let ((dim, is_biot), n) = (kind, line.mass.len());
     let (lambda, mu) = if is_biot { (400.0, 400.0) } else { (0.0, 1.0) };
     let index = |at: [usize; 3], n: usize| at[..dim].iter().fold(0, |k, i| k * n + i);
     let axes = |of: &dyn Fn(usize) -> f64| (0..dim).map(of).product::<f64>();
@@ -192,6 +192,12 @@ fn add_node(
             }
         }
     }
+}
+
+/// The coupling of the displacements of a node with pressures, on both sides of the diagonal.
+fn add_coupling(line: &Line, at: [usize; 3], dim: usize, rows: (u32, u32), triplets: &mut Vec<(u32, u32, f64)>) {
+    let ((row, first), low) = (rows, line.low_mass.len());
+    let index = |at: [usize; 3], n: usize| at[..dim].iter().fold(0, |k, i| k * n + i);
     for x in near(&line.mixed_mass[at[0]]) {
         for y in near(&line.mixed_mass[at[1]]) {
             let thirds: Vec<usize> = if dim == 3 { near(&line.mixed_mass[at[2]]).collect() } else { vec![0] };
@@ -199,10 +205,11 @@ fn add_node(
                 let other = [x, y, z];
                 let pressure = first + index(other, low) as u32;
                 for a in 0..dim {
-                    let value = -axes(&|axis| {
+                    let factor = |axis: usize| {
                         let (i, j) = (at[axis], other[axis]);
                         if axis == a { line.mixed_slope[i][j] } else { line.mixed_mass[i][j] }
-                    });
+                    };
+                    let value = -(0..dim).map(factor).product::<f64>();
                     triplets.extend([(row + a as u32, pressure, value), (pressure, row + a as u32, value)]);
                 }
             }
