@@ -87,7 +87,7 @@ fn by_solver(system: &System) -> Vec<LeftOut> {
         }
     }
     if system.is_symmetric() && system.uses(Pruning::Symmetric) {
-        let why = "every tangent is symmetric: LLT in place of LU";
+        let why = "every tangent is symmetric: LLT in place of LU, LDLT where it is not definite";
         list.push(LeftOut::new("LLT factorisation", why, Some(Pruning::Symmetric)));
     }
     list

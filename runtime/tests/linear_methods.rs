@@ -1,19 +1,25 @@
-//! Conjugate gradients with multigrid against a factor: the same measures, in scenes of every kind that they serve.
+//! Conjugate gradients with multigrid, and factors with pivots of both signs, against other factors: the same measures, in
+//! scenes of every kind that they serve.
 
 use std::{path::Path, time::Instant};
 
 use wfl::{NoFiles, SourceMap, resolve};
 use wfl_jit::JitBackend;
-use wfl_runtime::{Quiet, RunOptions, prepare, run};
+use wfl_runtime::{Pruning, Quiet, RunOptions, prepare_keeping, run};
 
 /// Measures by name, and the solver in words.
 fn measured(scene: &str, method: &str) -> (Vec<(String, f64)>, String) {
+    found(format!("{scene}solver linear with {method}\n"), &[])
+}
+
+/// The same; `keep` is done although the scene does not need it.
+fn found(text: String, keep: &[Pruning]) -> (Vec<(String, f64)>, String) {
     let mut sources = SourceMap::new();
-    let main = sources.add("scene.wfl", format!("{scene}solver linear with {method}\n"));
+    let main = sources.add("scene.wfl", text);
     let script = resolve(&mut sources, main, &mut NoFiles, &[]);
     assert!(script.diagnostics.is_empty(), "{:?}", script.diagnostics);
     let backend = JitBackend::new().expect("machine code");
-    let made = prepare(&script.value.expect("a script"), Path::new("."), &backend);
+    let made = prepare_keeping(&script.value.expect("a script"), Path::new("."), &backend, keep);
     let scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
     let outcome = run(&scene, &RunOptions::without_files(2, Instant::now()), &mut Quiet).expect("a run");
     assert!(outcome.converged());
@@ -100,4 +106,58 @@ fn two_bodies_that_are_glued() {
         fix u = [0,0,0] on left\nload v = [1,1,0] on right\n\
         measure end = max(Norm(v)) on far\nmeasure mean = mean(u.u) on near\n";
     agree(scene, 1e-9);
+}
+
+/// The measures of LDLT agree with those of LU; `solver` is what the report says of it.
+fn agrees_with_lu(scene: &str, solver: &str) {
+    let (general, by_lu) = found(scene.to_owned(), &[Pruning::Symmetric]);
+    let (symmetric, by_ldlt) = found(scene.to_owned(), &[]);
+    assert!(by_lu.contains("(LU)") && by_ldlt.contains(solver), "{by_lu} / {by_ldlt}");
+    for ((name, a), (_, b)) in general.iter().zip(&symmetric) {
+        assert!((a - b).abs() <= 1e-10 * a.abs(), "{name}: {a:e} with LU, {b:e} with LDLT");
+    }
+}
+
+const INDEFINITE: &str = "symmetric, not positive definite (LDLT)";
+const SCALED: &str = "symmetric in scaled equations (LDLT)";
+
+/// The sign of the balance of volume is a matter of taste: with the other one its equations are multiplied by -1.
+#[test]
+fn stokes_flow_by_pivots_of_both_signs() {
+    for (sign, solver) in [("-", INDEFINITE), ("", SCALED)] {
+        let scene = format!(
+            "wfl 1\nmesh box [0,0] to [2,1] cells [12,6] tri\nregion outlet = faces where x == 2\n\
+             region walls = boundary - outlet\nunknown v : vector P2\nunknown p : scalar P1\n\
+             term momentum on all : 2*Grad_v:Grad_Test_v - p*Div_Test_v\n\
+             term continuity on all : {sign}Div_v*Test_p\nfix v = [sin(pi*y), 0] on walls\n\
+             measure square = integral(v(1)^2) on all\nmeasure pressure = integral(p^2) on all\n"
+        );
+        agrees_with_lu(&scene, solver);
+    }
+}
+
+/// Rock of Biot: the balance of fluid is divided by the time step.
+#[test]
+fn consolidation_by_pivots_of_both_signs() {
+    let scene = "wfl 1\nuse \"poro\"\nuse \"elasticity\"\nmesh box [0,0] to [1,1] cells [6,6] quad\n\
+        region top = faces where y == 1\nregion floor = faces where y == 0\nunknown u : vector Q2\nunknown p : scalar Q1\n\
+        term momentum on all : sigma(u, 1000, 0.25):Grad_Test_u\n\
+        term rock on all : biot(u, p, 1) + darcy(p, 1e-3) + storage(p, 1e-5)\nload u = [1,-10*x] on top\n\
+        fix u = [0,0] on floor\nfix p = 0 on top\nscheme bdf2\nsteps t = 0 to 0.4 by 0.1\n\
+        measure pressure = integral(p^2) on all\nmeasure sinks = integral(u.u) on top\n";
+    agrees_with_lu(scene, SCALED);
+}
+
+/// A multiplier that ties two bodies, without friction and contact.
+#[test]
+fn multipliers_by_pivots_of_both_signs() {
+    let scene = "wfl 1\nuse \"elasticity\"\nmesh box [0,0] to [2,1] cells [8,4] quad\nregion left = cells where x < 1\n\
+        region right = cells where x > 1\nregion middle = interface from left to right\n\
+        region foot = faces where x == 0\nregion head = faces where x == 2\nunknown a : vector Q1 on left\n\
+        unknown b : vector Q1 on right\nmultiplier l : vector Q1 on middle\n\
+        term left on left : sigma(a, 1000, 0.3):Grad_Test_a\nterm right on right : sigma(b, 500, 0.3):Grad_Test_b\n\
+        term tie on middle : l.(Test_a - Interpolate(Test_b, neighbor_element)) + \
+        (a - Interpolate(b, neighbor_element)).Test_l\nfix a = [0,0] on foot\nload b = [1,0.5] on head\n\
+        measure far = integral(b.b) on head\nmeasure carried = integral(l.l) on middle\n";
+    agrees_with_lu(scene, INDEFINITE);
 }

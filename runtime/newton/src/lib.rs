@@ -39,7 +39,7 @@ pub use iterative::obstacle;
 pub use linear_solver::{LinearSolver, condenses, shares_forces};
 pub use load_step::{LoadStep, Rounding, Spent};
 pub use method::Method;
-pub use plan::{Extent, LinearPlan};
+pub use plan::{Extent, FactorKind, LinearPlan};
 pub use schedule::{PlannedStage, planned_stages};
 
 use wfl_discrete::assemble::TermError;

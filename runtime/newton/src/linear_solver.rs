@@ -7,30 +7,32 @@
 //! - anything else: the whole tangent, factored anew where Krylov iterations with the factor of an earlier one would cost
 //!   more.
 //!
-//! Symmetric matrices are tried as positive definite; where that fails the general solver takes over, with a note.
+//! Symmetric matrices are tried as positive definite (LLT) where their diagonal is positive; where that fails they are
+//! factored with pivots of both signs (LDLT), which takes half of the multiplications and of the memory of LU. So are those
+//! that are symmetric once the equations of each field are multiplied by a number, as those of Biot are; LU is for the rest.
 
 mod definite;
+mod factors;
+mod foreseen;
 
 use std::sync::Arc;
 
 use super::iterative::{self, Iterative};
 use super::library;
-use super::plan::{Extent, ITERATION, LinearPlan};
+use super::plan::{Extent, FactorKind, ITERATION, LinearPlan};
+use foreseen::groups;
 use wfl_compiler::types::FieldKind;
 
 use wfl_discrete::pruning::Pruning;
 use wfl_discrete::system::{FIXED, System, Tangent};
 use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{
-    CheckedAtPoints, CheckedLibrary, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, Equations, Kept,
-    LinearMethod, LinearSolver as Factor, Linked, Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
+    CheckedAtPoints, DENSE_LIMIT, Elimination as Method, Equations, Kept, LinearMethod, LinearSolver as Factor, Linked,
+    Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
 };
 
 /// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
 const CONDENSE_BELOW: f64 = 0.6;
-
-/// What is noted where LU takes the place of Cholesky.
-const INDEFINITE: &str = "the tangent is symmetric but not positive definite: LU in place of LLT";
 
 enum Kind {
     /// Matrix of the linear terms only.
@@ -57,9 +59,12 @@ pub struct LinearSolver {
     matrix: Option<Arc<Csr>>,
     /// What a linked library is told; `None` where our own solvers serve.
     equations: Option<Arc<Equations>>,
+    /// Matrices count as symmetric and positive definite.
     symmetric: bool,
     /// The equations are symmetric, whatever has become of the factors.
     may_be_symmetric: bool,
+    /// By free dof its field, where the equations of each may have a factor that makes matrices symmetric.
+    groups: Option<Vec<u32>>,
     options: SolverOptions,
     coordinates: Vec<[f64; 3]>,
     factorisations: usize,
@@ -87,6 +92,7 @@ impl LinearSolver {
             equations: None,
             symmetric,
             may_be_symmetric: symmetric,
+            groups: if symmetric { None } else { groups(system) },
             options,
             coordinates,
             factorisations: 0,
@@ -171,11 +177,11 @@ impl LinearSolver {
         if let Some(iterative) = iterative::plan(system, method, solutions) {
             return iterative;
         }
-        let symmetric = system.is_symmetric() && system.uses(Pruning::Symmetric);
+        let factor = foreseen::factor(system);
         match (system.is_linear(), condenses(system)) {
-            (true, _) => LinearPlan::Once { symmetric },
+            (true, _) => LinearPlan::Once(factor),
             (_, true) => LinearPlan::Condensed(Extent::Foreseen(system.n_changing_dofs())),
-            _ => LinearPlan::Whole { symmetric },
+            _ => LinearPlan::Whole(factor),
         }
     }
 
@@ -199,10 +205,10 @@ impl LinearSolver {
             return LinearPlan::Library(found.unwrap_or_else(|| library.plan(&equations.traits)));
         }
         match &self.kind {
-            Kind::Linear => LinearPlan::Once { symmetric: self.symmetric },
+            Kind::Linear => LinearPlan::Once(self.factor_kind()),
             Kind::Condensed(c) => LinearPlan::Condensed(Extent::Made((c.n_at_points(), c.elimination().to_string()))),
-            Kind::Full { .. } => LinearPlan::Whole { symmetric: self.symmetric },
-            Kind::Linked => LinearPlan::Whole { symmetric: false },
+            Kind::Full { .. } => LinearPlan::Whole(self.factor_kind()),
+            Kind::Linked => LinearPlan::Whole(FactorKind::General),
         }
     }
 
@@ -320,38 +326,6 @@ impl LinearSolver {
         if let Some(solver) = &mut self.solver {
             solver.expire();
         }
-    }
-
-    fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
-        self.factorisations += 1;
-        if self.solver.is_none() {
-            self.solver = Some(self.fresh(matrix)?);
-        }
-        let first = self.solver.as_mut().expect("made above").factor(matrix);
-        match first {
-            Err(SolveError::NotPositiveDefinite { .. } | SolveError::NotSymmetric { .. }) if self.symmetric => {
-                self.symmetric = false;
-                self.notes.push(INDEFINITE.to_owned());
-                let mut general = self.fresh(matrix)?;
-                general.factor(matrix)?;
-                self.solver = Some(general);
-                Ok(())
-            }
-            other => other,
-        }
-    }
-
-    fn fresh(&self, matrix: &Csr) -> Result<Box<dyn Factor + Send>, SolveError> {
-        let coordinates = Some(self.coordinates.as_slice());
-        if let (Some(linked), Some(equations)) = (self.options.library, &self.equations) {
-            let solver = CheckedLibrary::new(linked, equations, self.symmetric, &self.coordinates, self.options)?;
-            return Ok(Box::new(solver));
-        }
-        Ok(if self.symmetric {
-            Box::new(CheckedLlt::new(matrix.pattern(), coordinates, self.options)?)
-        } else {
-            Box::new(CheckedLu::new(matrix.pattern(), coordinates, self.options)?)
-        })
     }
 
     /// What later solutions depend on beside the matrices that are still to come.

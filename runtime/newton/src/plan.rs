@@ -14,14 +14,26 @@ pub enum Extent<F, M> {
     Made(M),
 }
 
+/// How a whole matrix is factored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FactorKind {
+    /// By Cholesky's method.
+    Definite,
+    /// Symmetric, with pivots of both signs.
+    Indefinite,
+    /// Symmetric once the equations of each field are multiplied by a number, with pivots of both signs.
+    Multiplied,
+    /// Unsymmetric as it stands; the numbers of a matrix will tell whether it is symmetric once equations are multiplied.
+    Undecided,
+    /// Unsymmetric.
+    General,
+}
+
 /// The solver of the linear systems of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LinearPlan {
     /// One matrix, factored once.
-    Once {
-        /// By Cholesky's method; else LU.
-        symmetric: bool,
-    },
+    Once(FactorKind),
     /// One symmetric matrix, by conjugate gradients with multigrid: bytes of the levels and of the factor in their place, or the number of
     /// unknowns on each level.
     Iterative(Extent<(u64, Option<u64>), Vec<usize>>),
@@ -29,10 +41,7 @@ pub enum LinearPlan {
     /// eliminated before and how the rest is.
     Condensed(Extent<usize, (usize, String)>),
     /// The whole tangent.
-    Whole {
-        /// By Cholesky's method; else LU.
-        symmetric: bool,
-    },
+    Whole(FactorKind),
     /// A linked library, which describes itself.
     Library(String),
 }
@@ -40,15 +49,22 @@ pub enum LinearPlan {
 /// What the method without a factor is called.
 pub(super) const ITERATION: &str = "conjugate gradients with multigrid";
 
-/// Symmetry and method of a factor.
-fn factor(symmetric: bool) -> &'static str {
-    if symmetric { "symmetric (LLT)" } else { "unsymmetric (LU)" }
+impl fmt::Display for FactorKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Definite => "symmetric (LLT)",
+            Self::Indefinite => "symmetric, not positive definite (LDLT)",
+            Self::Multiplied => "symmetric in scaled equations (LDLT)",
+            Self::Undecided => "unsymmetric (LDLT if scaled equations are symmetric, else LU)",
+            Self::General => "unsymmetric (LU)",
+        })
+    }
 }
 
 impl fmt::Display for LinearPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Once { symmetric } => write!(f, "one linear system, {}, factored once", factor(*symmetric)),
+            Self::Once(factor) => write!(f, "one linear system, {factor}, factored once"),
             Self::Iterative(Extent::Foreseen((levels, in_place))) => {
                 write!(f, "one linear system, symmetric: {ITERATION}, levels of about {}", shown(*levels))?;
                 in_place.map_or(Ok(()), |bytes| write!(f, "; a factor would take about {}", shown(bytes)))
@@ -67,8 +83,7 @@ impl fmt::Display for LinearPlan {
             Self::Condensed(Extent::Made((n, elimination))) => {
                 write!(f, "Newton; linear part factored once, {n} unknowns at points eliminated first, {elimination}")
             }
-            Self::Whole { symmetric } => {
-                let factor = factor(*symmetric);
+            Self::Whole(factor) => {
                 write!(f, "Newton; whole tangent, {factor}, factored where an older factor does not serve")
             }
             Self::Library(text) => f.write_str(text),
@@ -82,8 +97,11 @@ mod tests {
 
     #[test]
     fn a_factor_is_told_by_its_symmetry() {
-        assert!(LinearPlan::Once { symmetric: true }.to_string().contains("symmetric (LLT), factored once"));
-        assert!(LinearPlan::Whole { symmetric: false }.to_string().contains("unsymmetric (LU)"));
+        assert!(LinearPlan::Once(FactorKind::Definite).to_string().contains("symmetric (LLT), factored once"));
+        assert!(LinearPlan::Whole(FactorKind::General).to_string().contains("unsymmetric (LU)"));
+        assert!(
+            LinearPlan::Once(FactorKind::Indefinite).to_string().contains("not positive definite (LDLT), factored")
+        );
     }
 
     #[test]

@@ -22,7 +22,7 @@ use crate::{
     element::{DofEntity, Element},
     field::{Field, FieldSpace},
     mesh::{CellKind, Subdivision},
-    solve::{CheckedLlt, CheckedLu, LinearSolver as _, SolverOptions},
+    solve::{CheckedLdlt, CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
     space::{Space, Support},
     system::Branches,
 };
@@ -278,8 +278,12 @@ fn adjoint(system: &System, u: &[f64], mut goal: Vec<f64>, threads: usize) -> Re
     };
     if !solved {
         let transposed = if system.is_symmetric() { matrix } else { matrix.transpose() };
-        let mut solver =
-            CheckedLu::new(&Arc::clone(transposed.pattern()), Some(&positions), options).map_err(|e| e.to_string())?;
+        let pattern = Arc::clone(transposed.pattern());
+        let mut solver: Box<dyn LinearSolver> = if system.is_symmetric() {
+            Box::new(CheckedLdlt::new(&pattern, Some(&positions), None, options).map_err(|e| e.to_string())?)
+        } else {
+            Box::new(CheckedLu::new(&pattern, Some(&positions), options).map_err(|e| e.to_string())?)
+        };
         solver.factor(&transposed).and_then(|()| solver.solve(&rhs, &mut x)).map_err(|e| e.to_string())?;
     }
     let mut out = vec![0.0; u.len()];

@@ -8,7 +8,7 @@ use wfl::Diagnostic;
 use super::refused::{NO_DERIVATIVE, not_made};
 use crate::{
     csr::Csr,
-    solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
+    solve::{CheckedLdlt, CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
     system::{Branches, System},
 };
 
@@ -140,9 +140,13 @@ impl Tangent {
                 return Ok(());
             }
         }
-        let mut solver = CheckedLu::new(&pattern, Some(&positions), options).map_err(failed)?;
+        let mut solver: Box<dyn LinearSolver> = if is_symmetric {
+            Box::new(CheckedLdlt::new(&pattern, Some(&positions), None, options).map_err(failed)?)
+        } else {
+            Box::new(CheckedLu::new(&pattern, Some(&positions), options).map_err(failed)?)
+        };
         solver.factor(&matrix).map_err(failed)?;
-        self.solver = Some((Box::new(solver), matrix));
+        self.solver = Some((solver, matrix));
         Ok(())
     }
 }

@@ -38,7 +38,7 @@ impl LinearSolver {
         self.options.library.is_none()
     }
 
-    /// Whether LU has taken the place of Cholesky, or the determinant of the last tangent is negative.
+    /// Whether another factor has taken the place of Cholesky's, or the determinant of the last tangent is negative.
     #[must_use]
     pub fn lost_definiteness(&self) -> bool {
         self.may_be_symmetric && !self.symmetric || self.is_definite() == Some(false)
@@ -78,7 +78,6 @@ impl LinearSolver {
                 if matches!(self.kind, Kind::Full { .. }) && self.may_be_symmetric && !self.symmetric {
                     self.symmetric = true;
                     self.solver = Some(Box::new(made));
-                    self.notes.retain(|note| note != super::INDEFINITE);
                 }
                 Some(Inertia { positive: matrix.n_rows(), ..Inertia::default() })
             }

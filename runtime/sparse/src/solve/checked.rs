@@ -9,6 +9,8 @@ use std::sync::Arc;
 use super::backward_error::{BackwardErrorCheck, inverse_norm_estimate};
 use super::dense::{Dense, Kind};
 use super::factorization::{Factorization, Pivot};
+use super::inertia::Inertia;
+use super::ldlt::Ldlt;
 use super::llt::Llt;
 use super::lu::SparseLu;
 use super::older_factor::OlderFactor;
@@ -156,7 +158,13 @@ impl<F: Factorization> LinearSolver for Checked<F> {
                 self.is_factored = true;
                 if pivot.is_suspicious() { self.check_null_space() } else { Ok(()) }
             }
-            Err(error) => Err(self.classify(error)),
+            Err(error) => match self.classify(error) {
+                SolveError::VanishingPivot { .. } if self.factorization.retry(&self.matrix.matrix)? => {
+                    self.is_factored = true;
+                    self.check_null_space()
+                }
+                error => Err(error),
+            },
         }
     }
 
@@ -245,9 +253,11 @@ impl<F: Factorization> LinearSolver for Checked<F> {
     }
 
     fn is_definite(&self) -> Option<bool> {
-        let negative = self.is_negative()?;
-        // a symmetric factor that exists is Cholesky's
-        if F::NEEDS_SYMMETRY { Some(true) } else { negative.then_some(false) }
+        self.factorization.is_definite().filter(|_| self.is_factored && !self.is_older)
+    }
+
+    fn is_symmetric(&self) -> Option<bool> {
+        self.is_factored.then(|| self.factorization.is_symmetric())
     }
 }
 
@@ -326,6 +336,10 @@ macro_rules! checked_door {
             fn is_definite(&self) -> Option<bool> {
                 self.inner.is_definite()
             }
+
+            fn is_symmetric(&self) -> Option<bool> {
+                self.inner.is_symmetric()
+            }
         }
     };
 }
@@ -333,6 +347,11 @@ macro_rules! checked_door {
 checked_door! {
     /// Solver for sparse symmetric positive definite matrices.
     CheckedLlt, Llt
+}
+checked_door! {
+    /// Solver for sparse symmetric matrices that need not be definite; LU where a matrix is not symmetric, or pivots do not
+    /// serve.
+    CheckedLdlt, Ldlt
 }
 checked_door! {
     /// Solver for general sparse matrices.
@@ -355,6 +374,30 @@ impl CheckedLlt {
         options: SolverOptions,
     ) -> Result<Self, SolveError> {
         Ok(Self { inner: Checked::new(Llt::analyze(pattern, coordinates, options.threads)?, options) })
+    }
+}
+
+impl CheckedLdlt {
+    /// Takes a pattern. With `coordinates`, one point (any length unit) a dof, it is ordered by nested dissection. `groups` have
+    /// the group of each dof, from zero, whose equations may be multiplied by one number to make a matrix symmetric.
+    ///
+    /// # Errors
+    /// [`SolveError::Shape`] when the pattern is not square, or coordinates or groups are not one a dof;
+    /// [`SolveError::TooMuchMemory`].
+    pub fn new(
+        pattern: &Arc<Pattern>,
+        coordinates: Option<&[[f64; 3]]>,
+        groups: Option<&[u32]>,
+        options: SolverOptions,
+    ) -> Result<Self, SolveError> {
+        Ok(Self { inner: Checked::new(Ldlt::analyze(pattern, coordinates, groups, options.threads)?, options) })
+    }
+
+    /// The signs of the eigenvalues of the matrix factored last, by those of its pivots; `None` without a factor, where the
+    /// matrix is symmetric in multiplied rows alone, or where LU took over.
+    #[must_use]
+    pub fn inertia(&self) -> Option<Inertia> {
+        self.inner.factorization.inertia().filter(|_| self.inner.is_factored && !self.inner.is_older)
     }
 }
 

@@ -48,6 +48,17 @@ pub(super) trait Factorization {
     /// Whether the determinant of the matrix factored last is negative; `None` where the factor does not tell.
     fn is_negative(&self) -> Option<bool>;
 
+    /// Whether the matrix factored last is positive definite, as far as the factor tells: a negative determinant says that it
+    /// is not.
+    fn is_definite(&self) -> Option<bool> {
+        self.is_negative().filter(|negative| *negative).map(|_| false)
+    }
+
+    /// Whether the factor of the matrix factored last is that of a symmetric one.
+    fn is_symmetric(&self) -> bool {
+        Self::NEEDS_SYMMETRY
+    }
+
     /// Krylov iterations with this factor that cost as much as a new factor, in the multiplications of one and the values
     /// that are loaded for the other; none where that is not known.
     fn worthwhile_iterations(&self) -> usize {

@@ -45,6 +45,44 @@ pub(super) fn subtract_product<T: Stored>(a: &[T], x: &[f64], y: &mut [f64]) {
     Arch::new().dispatch(Operation(a, x, y));
 }
 
+/// `y = y - A x`: of each column of A, which are `stride` numbers apart, those from `first` on, as many as y has.
+pub(super) fn subtract_columns(a: &[f64], stride: usize, x: &[f64], first: usize, y: &mut [f64]) {
+    struct Operation<'a, T>(&'a [T], usize, &'a [f64], usize, &'a mut [f64]);
+    widest!(Operation, simd, |a, stride, x, first, y| {
+        let n = y.len();
+        let column = |k: usize| &a[k * stride + first..][..n];
+        let (fours, rest) = x.as_chunks::<4>();
+        for (k, factors) in fours.iter().enumerate() {
+            subtract_four(simd, [0, 1, 2, 3].map(|j| column(4 * k + j)), *factors, y);
+        }
+        for (k, factor) in rest.iter().enumerate() {
+            subtract(simd, column(4 * fours.len() + k), *factor, y);
+        }
+    });
+    Arch::new().dispatch(Operation(a, stride, x, first, y));
+}
+
+/// The largest `|a|`; a NaN counts as nothing.
+pub(super) fn largest_beside(a: &[f64]) -> f64 {
+    struct Operation<'a, T>(&'a [T], &'a mut [f64; LANES]);
+    widest!(Operation, _simd, |a, largest| {
+        let (whole, rest) = a.as_chunks::<LANES>();
+        for values in whole {
+            let values = T::widened(values);
+            for lane in 0..LANES {
+                let size = values[lane].abs();
+                largest[lane] = if size > largest[lane] { size } else { largest[lane] };
+            }
+        }
+        for value in rest {
+            largest[0] = largest[0].max(value.wide().abs());
+        }
+    });
+    let mut largest = [0.0; LANES];
+    Arch::new().dispatch(Operation(a, &mut largest));
+    largest.into_iter().fold(0.0, f64::max)
+}
+
 /// Sum of products in [`LANES`] partial sums.
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut f64);
@@ -177,6 +215,24 @@ pub(super) fn upper_transposed_solve<T: Stored>(panel: &[T], m: usize, x: &mut [
         }
     });
     Arch::new().dispatch(Operation(panel, m, x));
+}
+
+/// `x = D⁻¹ x`: D on the diagonal of a panel of m rows, and beside it.
+pub(super) fn divide_by_pivots(panel: &[f64], beside: &[f64], m: usize, x: &mut [f64]) {
+    let mut at = 0;
+    while at < x.len() {
+        let (a, b) = (panel[at * m + at], beside[at]);
+        if b == 0.0 {
+            x[at] /= a;
+            at += 1;
+            continue;
+        }
+        let c = panel[(at + 1) * m + at + 1];
+        let (p, q) = (a / b, c / b);
+        let scale = 1.0 / (b * (p * q - 1.0));
+        (x[at], x[at + 1]) = ((q * x[at] - x[at + 1]) * scale, (p * x[at + 1] - x[at]) * scale);
+        at += 2;
+    }
 }
 
 /// Rows that [`combine`] makes at once, and the vectors of each that stay in registers.

@@ -91,6 +91,10 @@ impl Factorization for Llt {
         Some(false)
     }
 
+    fn is_definite(&self) -> Option<bool> {
+        Some(true)
+    }
+
     fn null_vector_at(&mut self, matrix: &Csr, error: &SolveError) -> (SolveError, Option<Vec<f64>>) {
         match *error {
             SolveError::NotPositiveDefinite { dof, .. } => match self.pivot_at(matrix, dof) {

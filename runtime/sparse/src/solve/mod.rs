@@ -1,7 +1,8 @@
 //! Linear solvers.
 //!
 //! The door is [`CheckedCondensed`] for a constant symmetric bulk with a part that changes, [`CheckedLlt`] for
-//! symmetric positive definite matrices, [`CheckedMultigrid`] for those that are too large for a factor, [`CheckedLu`] for the rest, [`CheckedDense`] for small ones. All of them are
+//! symmetric positive definite matrices, [`CheckedMultigrid`] for those that are too large for a factor, [`CheckedLdlt`] for
+//! symmetric ones that are not definite, [`CheckedLu`] for the rest, [`CheckedDense`] for small ones. All of them are
 //! [`LinearSolver`]s.
 //!
 //! Promises: a solution is returned only with a small true residual; everything else is a typed error that names dofs
@@ -20,6 +21,7 @@ mod frontal_lu;
 mod inertia;
 mod kernels;
 mod krylov;
+mod ldlt;
 mod library;
 mod llt;
 mod lu;
@@ -42,7 +44,7 @@ mod symmetry;
 mod tests;
 mod triangular_solve;
 
-pub use checked::{CheckedDense, CheckedLlt, CheckedLu};
+pub use checked::{CheckedDense, CheckedLdlt, CheckedLlt, CheckedLu};
 pub use condensed::{CheckedAtPoints, CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
 pub use inertia::{Inertia, inertia};
 pub use library::{CheckedLibrary, Engine, Equations, Library, Linked, Traits};
@@ -378,6 +380,11 @@ pub trait LinearSolver {
     /// determinant.
     fn is_definite(&self) -> Option<bool> {
         self.is_negative().filter(|negative| *negative).map(|_| false)
+    }
+
+    /// Whether the factor in use is that of a symmetric matrix; `None` without one.
+    fn is_symmetric(&self) -> Option<bool> {
+        None
     }
 
     /// The method in words, where it is more than the name of the solver.

@@ -423,7 +423,7 @@ fn eliminate(panel: &mut [f64], own: &mut [f64], k: usize, par: Par, memory: &mu
 
 /// Adds those columns of a child's contribution that are columns of the parent. Only the lower half is kept, and
 /// `places` increase, so a column starts at its own diagonal.
-fn add_to_columns(contribution: &[f64], places: &[u32], panel: &mut [f64], k: usize, m: usize) {
+pub(super) fn add_to_columns(contribution: &[f64], places: &[u32], panel: &mut [f64], k: usize, m: usize) {
     let size = places.len();
     for (column, &place) in places.iter().enumerate().take_while(|&(_, &place)| (place as usize) < k) {
         let target = &mut panel[place as usize * m..(place as usize + 1) * m];
@@ -436,7 +436,13 @@ fn add_to_columns(contribution: &[f64], places: &[u32], panel: &mut [f64], k: us
 
 /// Adds the remaining columns of a child's contribution to those of the parent; `lies` says where one of them lies, from
 /// its diagonal down.
-fn add_to_rows(contribution: &[f64], places: &[u32], own: &mut [f64], k: usize, lies: impl Fn(usize) -> Range<usize>) {
+pub(super) fn add_to_rows(
+    contribution: &[f64],
+    places: &[u32],
+    own: &mut [f64],
+    k: usize,
+    lies: impl Fn(usize) -> Range<usize>,
+) {
     let size = places.len();
     let first = places.partition_point(|&place| (place as usize) < k);
     for column in first..size {

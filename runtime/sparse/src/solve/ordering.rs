@@ -48,7 +48,8 @@ impl Ordering {
         self.n_first
     }
 
-    fn from_forward(forward: Vec<u32>, n_first: usize) -> Self {
+    /// That with these old places.
+    pub(super) fn from_forward(forward: Vec<u32>, n_first: usize) -> Self {
         let mut inverse = vec![0u32; forward.len()];
         for (new, &old) in forward.iter().enumerate() {
             inverse[old as usize] = new as u32;

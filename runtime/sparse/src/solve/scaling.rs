@@ -32,6 +32,30 @@ pub(super) fn symmetric_scale(parts: &[&Csr], diagonal: &[f64], owners: Option<&
     scale
 }
 
+/// Rounds of [`evened`]: each halves the exponents of what rows differ by (Ruiz 2001).
+const ROUNDS: usize = 5;
+/// Largest entries of rows that are even enough: the threshold of pivots is far from both.
+const EVEN: std::ops::Range<f64> = 0.2..5.0;
+
+/// `s` such that the largest entries of the rows of `S T A S`, T A symmetric, are about 1; `row_factors` are those of T.
+pub(super) fn evened(matrix: &Csr, row_factors: &[f64]) -> Vec<f64> {
+    let mut scale = vec![1.0; matrix.n_rows()];
+    for _ in 0..ROUNDS {
+        let largest = |row: usize| {
+            let (columns, values) = matrix.row(row);
+            let entries = columns.iter().zip(values);
+            entries.fold(0.0, |most: f64, (column, value)| most.max(value.abs() * scale[*column as usize]))
+                * (row_factors[row] * scale[row]).abs()
+        };
+        let sizes: Vec<f64> = (0..matrix.n_rows()).map(largest).collect();
+        if sizes.iter().all(|size| *size == 0.0 || EVEN.contains(size)) {
+            break;
+        }
+        scale.iter_mut().zip(sizes).filter(|(_, size)| *size > 0.0).for_each(|(scale, size)| *scale /= size.sqrt());
+    }
+    scale.into_iter().map(power_of_two).collect()
+}
+
 /// `(r, c)` such that the largest entries of the columns, and nearly those of the rows, of `R A C` are about 1: rows
 /// first, then columns, as in LAPACK's geequ. Of several ranks each has its rows of the matrix.
 pub(super) fn equilibration(matrix: &Csr, owners: Option<&RowOwners>) -> (Vec<f64>, Vec<f64>) {
@@ -96,6 +120,19 @@ mod tests {
             assert!((0.4..2.5).contains(&entry), "{entry}");
             let row = (0..4).map(|j| (r[i] * a.get(i, j) * c[j]).abs()).fold(0.0, f64::max);
             assert!((0.2..4.0).contains(&row), "{row}");
+        }
+    }
+
+    #[test]
+    fn an_even_matrix_has_largest_entries_of_one() {
+        let d = [1e-12, 1.0, 1e9, 1e3];
+        let at = |i: usize, j: usize| if i == j && i == 1 { 0.0 } else { d[i] * d[j] * (1.0 + (i + j) as f64 / 7.0) };
+        let triplets: Vec<_> = (0..16).map(|k| ((k / 4) as u32, (k % 4) as u32, at(k / 4, k % 4))).collect();
+        let a = Csr::from_triplets(4, 4, &triplets).unwrap();
+        let s = evened(&a, &[1.0; 4]);
+        for i in 0..4 {
+            let row = (0..4).map(|j| (s[i] * a.get(i, j) * s[j]).abs()).fold(0.0, f64::max);
+            assert!((0.2..5.0).contains(&row), "{row}");
         }
     }
 

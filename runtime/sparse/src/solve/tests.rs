@@ -9,8 +9,9 @@ use crate::csr::{Pattern, PatternBuilder, residual_compensated};
 type Build = fn(&Csr, SolverOptions) -> Result<Box<dyn LinearSolver>, SolveError>;
 
 /// Solvers for any matrix.
-const GENERAL: [(&str, Build); 5] = [
+const GENERAL: [(&str, Build); 6] = [
     ("lu", |a, options| Ok(Box::new(CheckedLu::new(a.pattern(), None, options)?))),
+    ("ldlt", |a, options| Ok(Box::new(CheckedLdlt::new(a.pattern(), None, None, options)?))),
     ("dense", |a, options| Ok(Box::new(CheckedDense::new(a.pattern(), options)?))),
     ("condensed dense", |a, options| condensed(a, options, |n_changing, _| Elimination::Dense { n_changing })),
     ("condensed forces", |a, options| {
@@ -389,6 +390,7 @@ fn a_pattern_must_be_square() {
     for outcome in [
         CheckedLlt::new(&pattern, None, SolverOptions::default()).err(),
         CheckedLu::new(&pattern, None, SolverOptions::default()).err(),
+        CheckedLdlt::new(&pattern, None, None, SolverOptions::default()).err(),
         CheckedDense::new(&pattern, SolverOptions::default()).err(),
     ] {
         assert!(matches!(outcome, Some(SolveError::Shape { .. })), "{outcome:?}");

@@ -1,14 +1,14 @@
 //! Triangular solves with the fronts of a factorisation: forward substitution up the tree, backward substitution down.
 //!
 //! Promises: no allocation; the same bytes for any number of threads, because independent subtrees write disjoint
-//! ranges and pass their contributions upwards in one fixed order. Handles Cholesky and LU fronts, also in one tree.
+//! ranges and pass their contributions upwards in one fixed order. Handles fronts of LLT, LDLT and LU, also in one tree.
 
 use rayon::prelude::*;
 
 use super::contributions::{Contributions, Extent};
 use super::kernels::{
-    Diagonal, lower_solve, lower_transposed_solve, subtract_product, subtract_transposed_product, upper_solve,
-    upper_transposed_solve,
+    Diagonal, divide_by_pivots, lower_solve, lower_transposed_solve, subtract_product, subtract_transposed_product,
+    upper_solve, upper_transposed_solve,
 };
 use super::multifrontal::Panel;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
@@ -33,6 +33,18 @@ pub(super) enum FrontFactor<'a> {
         upper: &'a [f64],
         /// Rows of the front in the order of the pivots.
         pivots: &'a [u32],
+    },
+    /// `panel` holds L (unit diagonal), (k + r) x k, with D on its diagonal; column i is column `pivots[i]` in the order of
+    /// elimination.
+    Ldlt {
+        /// By columns.
+        panel: &'a [f64],
+        /// Entry of D beside its diagonal, at the first column of a pivot of two.
+        beside: &'a [f64],
+        /// Columns in the order of the pivots.
+        pivots: &'a [u32],
+        /// First column of the front.
+        first: u32,
     },
 }
 
@@ -332,6 +344,14 @@ impl Workspace {
                 x.copy_from_slice(permuted);
                 lower_solve(panel, Diagonal::Unit, x, own);
             }
+            (FrontFactor::Ldlt { panel, pivots, first, .. }, _) => {
+                let permuted = &mut self.front[..k];
+                for (value, &row) in permuted.iter_mut().zip(pivots) {
+                    *value = x[(row - first) as usize];
+                }
+                x.copy_from_slice(permuted);
+                lower_solve(panel, Diagonal::Unit, x, own);
+            }
             (FrontFactor::Lu { panel, upper, .. }, Transpose::Yes) => {
                 upper_transposed_solve(panel, k + r, x);
                 subtract_transposed_product(upper, x, own);
@@ -365,6 +385,15 @@ impl Workspace {
             }
             (FrontFactor::Cholesky { panel: Panel::Single(l) }, _) => {
                 lower_transposed_solve(l, Diagonal::Stored, x, rows);
+            }
+            (FrontFactor::Ldlt { panel, beside, pivots, first }, _) => {
+                divide_by_pivots(panel, beside, k + r, x);
+                lower_transposed_solve(panel, Diagonal::Unit, x, rows);
+                let permuted = &mut self.front[..k];
+                for (&value, &row) in x.iter().zip(pivots) {
+                    permuted[(row - first) as usize] = value;
+                }
+                x.copy_from_slice(permuted);
             }
             (FrontFactor::Lu { panel, upper, .. }, Transpose::No) => {
                 subtract_product(upper, rows, x);
