@@ -51,7 +51,7 @@ pub const OPTIONS: &[(&str, &[&str])] = &[
     ("multiplier", &["crosspoints"]),
     ("steps", &["count", "error", "first", "halve", "least", "limit", "most", "on_fail"]),
     ("scheme", &["alpha", "beta", "energy", "fraction", "gamma", "massless", "rho_inf"]),
-    ("solver", &["accuracy", "amg", "cg", "direct", "max_iter", "of", "perturb", "search", "tol"]),
+    ("solver", &["accuracy", "amg", "cg", "direct", "gmres", "max_iter", "of", "perturb", "search", "tol"]),
     ("output", &["points"]),
 ];
 

@@ -10,6 +10,7 @@
 mod branch;
 mod critical_point;
 mod error;
+mod filtered;
 mod history;
 mod homotopy;
 mod inexact;
@@ -34,6 +35,7 @@ mod test_block;
 mod tests;
 
 pub use error::{NewtonError, Singular};
+pub use filtered::obstacle_of_filter;
 pub use history::{Iteration, StepHistory, Stop};
 pub use iterative::obstacle;
 pub use linear_solver::{LinearSolver, condenses, shares_forces};

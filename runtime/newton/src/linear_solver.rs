@@ -4,6 +4,7 @@
 //!   cheaper solved by conjugate gradients with multigrid (`iterative`);
 //! - a symmetric linear bulk and nonlinear terms on few dofs (contact): the bulk is factored once, the nonlinear part
 //!   is condensed onto the dofs it touches;
+//! - such a system that is too large for a factor of its bulk: GMRES with multigrid and a filter on the contact (`filtered`);
 //! - anything else: the whole tangent, factored anew where Krylov iterations with the factor of an earlier one would cost
 //!   more.
 //!
@@ -11,12 +12,16 @@
 //! factored with pivots of both signs (LDLT), which takes half of the multiplications and of the memory of LU. So are those
 //! that are symmetric once the equations of each field are multiplied by a number, as those of Biot are; LU is for the rest.
 
+mod contact;
 mod definite;
 mod factors;
 mod foreseen;
 
 use std::sync::Arc;
 
+use contact::Factors;
+
+use super::filtered;
 use super::iterative::{self, Iterative};
 use super::library;
 use super::plan::{Extent, FactorKind, ITERATION, LinearPlan};
@@ -57,8 +62,12 @@ pub struct LinearSolver {
     iterative: Option<Iterative>,
     /// The matrix that it solves with, kept for the factor that takes its place where it fails.
     matrix: Option<Arc<Csr>>,
-    /// What a linked library is told; `None` where our own solvers serve.
+    /// What solves in place of factors of our own: a linked library, or our iteration for contact.
+    library: Option<Linked>,
+    /// What it is told.
     equations: Option<Arc<Equations>>,
+    /// What our factors are made of where our iteration does not get to its end.
+    spare: Option<Box<Factors>>,
     /// Matrices count as symmetric and positive definite.
     symmetric: bool,
     /// The equations are symmetric, whatever has become of the factors.
@@ -89,7 +98,9 @@ impl LinearSolver {
             solver: None,
             iterative: None,
             matrix: None,
+            library: options.library,
             equations: None,
+            spare: None,
             symmetric,
             may_be_symmetric: symmetric,
             groups: if symmetric { None } else { groups(system) },
@@ -108,42 +119,26 @@ impl LinearSolver {
     }
 
     fn choose_nonlinear(&mut self, system: &System) -> Result<(), SolveError> {
-        if self.options.library.is_some() {
+        if self.library.is_some() {
             self.tell_library(system);
             self.kind = Kind::Linked;
             return Ok(());
         }
-        if condenses(system) {
-            let pairs = if system.uses(Pruning::Forces) { facing(system, &self.coordinates) } else { Vec::new() };
-            match CheckedAtPoints::new(
-                system.bulk(),
-                system.changing_pattern(),
-                Some(&self.coordinates),
-                &at_points(system),
-                &pairs,
-                self.options,
-            ) {
-                Ok(mut condensed) => {
-                    self.factorisations += condensed.take_factorisations();
-                    self.kind = Kind::Condensed(Box::new(condensed));
-                    return Ok(());
-                }
-                Err(SolveError::NotPositiveDefinite { .. } | SolveError::Singular { .. }) => {
-                    self.notes.push("the linear part without the contact dofs is not positive definite: the whole tangent is factored where an older factor does not serve".to_owned());
-                }
-                Err(e) => return Err(e),
-            }
+        let SolverOptions { method, solutions, .. } = self.options;
+        if filtered::is_chosen(system, method, solutions) {
+            self.iterate_on_contact(system);
+            return Ok(());
         }
-        self.sum_on(system, system.changing_pattern())
-    }
-
-    /// Prepares for the sum of the linear part and a part on another pattern.
-    fn sum_on(&mut self, system: &System, changing: &Arc<Pattern>) -> Result<(), SolveError> {
-        let pattern = Arc::new(system.bulk().pattern().union(changing)?);
-        let positions = |part: &Pattern| part.positions_in(&pattern).expect("a part of the union");
-        let (bulk_positions, changing_positions) = (positions(system.bulk().pattern()), positions(changing));
-        self.kind = Kind::Full { pattern, changing: Arc::clone(changing), bulk_positions, changing_positions };
-        Ok(())
+        match self.choose_factors(&Factors::of(system, &self.coordinates)) {
+            Err(SolveError::TooMuchMemory(_))
+                if method == LinearMethod::Auto && filtered::obstacle_of_filter(system).is_none() =>
+            {
+                self.notes.push("no factor of the bodies fits into the memory".to_owned());
+                self.iterate_on_contact(system);
+                Ok(())
+            }
+            other => other,
+        }
     }
 
     /// Analyses anew where the pattern of a tangent has followed its images.
@@ -154,7 +149,7 @@ impl LinearSolver {
             && !Arc::ptr_eq(changing, now)
         {
             self.solver = None;
-            self.sum_on(system, now)?;
+            self.sum_on(system.bulk(), now)?;
         }
         Ok(())
     }
@@ -164,6 +159,9 @@ impl LinearSolver {
         // what was made for the matrix before goes first
         (self.equations, self.solver) = (None, None);
         self.equations = Some(Arc::new(library::equations(system)));
+        if self.spare.is_some() {
+            self.spare = Some(Box::new(Factors::of(system, &self.coordinates)));
+        }
     }
 
     /// The solver that a system asks for; nothing is assembled for it. A linear part that turns out not to be positive
@@ -176,6 +174,9 @@ impl LinearSolver {
         }
         if let Some(iterative) = iterative::plan(system, method, solutions) {
             return iterative;
+        }
+        if let Some(filtered) = filtered::plan(system, method, solutions) {
+            return filtered;
         }
         let factor = foreseen::factor(system);
         match (system.is_linear(), condenses(system)) {
@@ -200,7 +201,7 @@ impl LinearSolver {
         if let Some(iterative) = &self.iterative {
             return iterative.method();
         }
-        if let (Some(Linked(library)), Some(equations)) = (self.options.library, &self.equations) {
+        if let (Some(Linked(library)), Some(equations)) = (self.library, &self.equations) {
             let found = self.solver.as_ref().and_then(|solver| solver.describe());
             return LinearPlan::Library(found.unwrap_or_else(|| library.plan(&equations.traits)));
         }
@@ -238,7 +239,7 @@ impl LinearSolver {
     /// Prepares for the one matrix of a linear scene.
     fn solve_one_matrix(&mut self, system: &System) -> Result<(), SolveError> {
         (self.iterative, self.matrix) = (None, None);
-        if self.options.library.is_some() {
+        if self.library.is_some() {
             self.tell_library(system);
             return self.factor(&system.new_tangent().changing);
         }
@@ -299,25 +300,27 @@ impl LinearSolver {
                 self.factorisations += c.take_factorisations();
                 outcome
             }
-            Kind::Linked => self.factor(&tangent.changing),
-            Kind::Full { pattern, bulk_positions, changing_positions, .. } => {
-                let mut sum = Csr::zeros(pattern.clone());
-                for (part, positions) in [(system.bulk(), &*bulk_positions), (&tangent.changing, &*changing_positions)]
-                {
-                    for (p, v) in positions.iter().zip(part.values()) {
-                        sum.values_mut()[*p] += v;
-                    }
-                }
-                let keeps = !system.is_affine_when_frozen();
-                if keeps
-                    && let Some(solver) = &mut self.solver
-                    && solver.keep_factor(&sum)?
-                {
-                    return Ok(());
-                }
-                self.factor(&sum)
+            Kind::Linked => self.take_linked(&tangent.changing),
+            Kind::Full { .. } => self.take_sum([system.bulk(), &tangent.changing], !system.is_affine_when_frozen()),
+        }
+    }
+
+    /// Takes the sum of the linear and the changing part, and keeps an older factor where that may serve.
+    fn take_sum(&mut self, parts: [&Csr; 2], keeps: bool) -> Result<(), SolveError> {
+        let Kind::Full { pattern, bulk_positions, changing_positions, .. } = &self.kind else { return Ok(()) };
+        let mut sum = Csr::zeros(pattern.clone());
+        for (part, positions) in parts.into_iter().zip([bulk_positions, changing_positions]) {
+            for (p, v) in positions.iter().zip(part.values()) {
+                sum.values_mut()[*p] += v;
             }
         }
+        if keeps
+            && let Some(solver) = &mut self.solver
+            && solver.keep_factor(&sum)?
+        {
+            return Ok(());
+        }
+        self.factor(&sum)
     }
 
     /// The next tangent gets a factor of its own. Done at the start of an attempt, so that a run that is resumed there goes
@@ -334,6 +337,10 @@ impl LinearSolver {
         let (symmetric, factorisations) = (self.symmetric, self.factorisations);
         match &self.kind {
             Kind::Condensed(c) => SolverMemory { symmetric, factorisations, ..c.memory() },
+            Kind::Linked if self.spare.is_some() => {
+                let factored = self.solver.as_ref().map_or(Vec::new(), |solver| solver.remembered().to_vec());
+                SolverMemory { symmetric, factorisations, factored, iterative: true, ..SolverMemory::default() }
+            }
             _ => SolverMemory { symmetric, factorisations, ..SolverMemory::default() },
         }
     }
@@ -345,6 +352,9 @@ impl LinearSolver {
     pub fn recall(&mut self, memory: &SolverMemory) -> Result<bool, SolveError> {
         self.symmetric &= memory.symmetric;
         self.factorisations = memory.factorisations;
+        if memory.iterative || self.spare.is_some() {
+            return self.recall_iteration(memory);
+        }
         if memory.factored.is_empty() {
             return Ok(true);
         }
@@ -434,7 +444,7 @@ impl LinearSolver {
     /// Whether a full step solves the equations but for branches that change, with a solver for which fewer digits cost less.
     #[must_use]
     pub(super) fn solves_in_parts(&self, system: &System) -> bool {
-        self.options.library.is_some() && !system.is_linear() && system.is_affine_when_frozen()
+        self.library.is_some() && !system.is_linear() && system.is_affine_when_frozen()
     }
 
     /// Solves with the tangent last given; vectors over the free dofs. A true residual of no more than `tolerance` of
@@ -452,6 +462,7 @@ impl LinearSolver {
                 report
             }
             _ if self.iterative.is_some() => self.solve_by_iteration(rhs, x, tolerance),
+            _ if self.spare.is_some() => self.solve_on_contact(rhs, x, tolerance),
             _ => {
                 let solver = self.solver.as_mut().ok_or(SolveError::NotFactored)?;
                 let matrix = match solver.solve_with_kept(rhs, x, tolerance)? {

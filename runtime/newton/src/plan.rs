@@ -40,6 +40,16 @@ pub enum LinearPlan {
     /// The bulk is factored once, what changes is condensed: dofs of the nonlinear terms, or unknowns at points that are
     /// eliminated before and how the rest is.
     Condensed(Extent<usize, (usize, String)>),
+    /// GMRES with multigrid of the bodies and a direct solution on the dofs of contact: how many these are, bytes of what it
+    /// needs and of the factor in its place.
+    Filtered {
+        /// Dofs of contact.
+        on_contact: usize,
+        /// What it needs.
+        bytes: u64,
+        /// What a factor of the bodies would need.
+        in_place: u64,
+    },
     /// The whole tangent.
     Whole(FactorKind),
     /// A linked library, which describes itself.
@@ -83,6 +93,13 @@ impl fmt::Display for LinearPlan {
             Self::Condensed(Extent::Made((n, elimination))) => {
                 write!(f, "Newton; linear part factored once, {n} unknowns at points eliminated first, {elimination}")
             }
+            Self::Filtered { on_contact, bytes, in_place } => write!(
+                f,
+                "Newton; GMRES with multigrid, then a direct solution on the {on_contact} dofs of contact, about {}; a \
+                 factor of the bodies would take about {}",
+                shown(*bytes),
+                shown(*in_place)
+            ),
             Self::Whole(factor) => {
                 write!(f, "Newton; whole tangent, {factor}, factored where an older factor does not serve")
             }

@@ -37,7 +37,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 21;
+const FORMAT: u64 = 22;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -188,6 +188,7 @@ fn written(state: &RunState, c: Clock) -> Vec<u8> {
     w.count(solver.apart.len());
     solver.apart.iter().for_each(|dof| w.count(*dof as usize));
     w.flag(solver.single);
+    w.flag(solver.iterative);
     let reference = &solver.reference;
     w.numbers(&reference.values);
     w.count(reference.groups.len());
@@ -360,6 +361,7 @@ fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Foun
         spent: r.count()?,
         apart: r.list(Reader::small)?,
         single: r.flag()?,
+        iterative: r.flag()?,
         reference: Reference { values: r.numbers()?, groups: r.list(|r| r.list(Reader::small))?, whole: r.count()? },
     };
     let (level, easy) = (r.small()?, r.small()?);

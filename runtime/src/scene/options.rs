@@ -8,7 +8,7 @@ use wfl::{
 use super::{Builder, constants};
 use crate::{
     accuracy::{DEFAULT_QUANTITY, LARGEST, SMALLEST, is_accuracy},
-    newton::{LARGEST_PERTURBATION, LARGEST_TOLERANCE, NewtonOptions, obstacle},
+    newton::{LARGEST_PERTURBATION, LARGEST_TOLERANCE, NewtonOptions, obstacle, obstacle_of_filter},
     solve::LinearMethod,
     system::System,
 };
@@ -393,7 +393,7 @@ impl Builder<'_> {
         let mut options = NewtonOptions::default();
         let Some(solver) = &self.script.solver else { return (options, None) };
         let (mut asked, mut of) = (None, DEFAULT_QUANTITY.to_owned());
-        let (mut iterative, mut multigrid, mut direct) = (None, None, None);
+        let mut linear = Linear::default();
         for option in &solver.options {
             match (option.name.name.as_str(), self.option_number(option), word(option)) {
                 ("tol", Some(t), _) if (0.0..=LARGEST_TOLERANCE).contains(&t) => options.tolerance = t,
@@ -412,9 +412,9 @@ impl Builder<'_> {
                 }
                 ("accuracy", Some(e), _) if is_accuracy(e) => asked = Some(e),
                 ("of", _, Some(quantity)) => of = quantity.to_owned(),
-                ("cg", None, None) if option.value.is_none() => iterative = Some(option),
-                ("amg", None, None) if option.value.is_none() => multigrid = Some(option),
-                ("direct", None, None) if option.value.is_none() => direct = Some(option),
+                ("cg" | "gmres", None, None) if option.value.is_none() => linear.iterative = Some(option),
+                ("amg", None, None) if option.value.is_none() => linear.multigrid = Some(option),
+                ("direct", None, None) if option.value.is_none() => linear.direct = Some(option),
                 ("search", _, Some("auto")) => options.search = true,
                 ("search", _, Some("none")) => options.search = false,
                 ("accuracy", _, _) => {
@@ -426,12 +426,12 @@ impl Builder<'_> {
                 }
                 (name, _, _) => {
                     let known = "tol=1e-10, max_iter=50, search=auto, search=none, perturb=1e-6, accuracy=1e-3, of=L2, direct, cg, \
-                         amg";
+                         gmres, amg";
                     self.bad_option(option, name, known);
                 }
             }
         }
-        options.linear = self.linear_method(iterative, multigrid, direct);
+        options.linear = self.linear_method(&linear);
         let word = solver.options.iter().find(|o| o.name.name == "of");
         if let Some(word) = word.filter(|_| asked.is_none()) {
             let d = Diagnostic::new(Code::W411, "`of` selects the quantity of an accuracy, and none is demanded");
@@ -441,23 +441,27 @@ impl Builder<'_> {
     }
 }
 
+/// What is said of the method for linear systems.
+#[derive(Default)]
+struct Linear<'a> {
+    iterative: Option<&'a OptionItem>,
+    multigrid: Option<&'a OptionItem>,
+    direct: Option<&'a OptionItem>,
+}
+
 impl Builder<'_> {
-    /// What `cg`, `amg` and `direct` ask for.
-    fn linear_method(
-        &mut self,
-        iterative: Option<&OptionItem>,
-        multigrid: Option<&OptionItem>,
-        direct: Option<&OptionItem>,
-    ) -> LinearMethod {
-        if let (Some(direct), Some(other)) = (direct, iterative.or(multigrid)) {
+    /// What `cg`, `gmres`, `amg` and `direct` ask for.
+    fn linear_method(&mut self, said: &Linear<'_>) -> LinearMethod {
+        if let (Some(direct), Some(other)) = (said.direct, said.iterative.or(said.multigrid)) {
             let d = Diagnostic::new(Code::E414, format!("`direct` and `{}` exclude each other", other.name.name));
             self.diagnostics.push(d.at(other.name.span, "an iteration").at(direct.name.span, "a factor"));
         }
-        if let (None, Some(multigrid)) = (iterative, multigrid) {
-            let d = Diagnostic::new(Code::E414, "`amg` is the preconditioner of `cg`, which is not named");
+        if let (None, Some(multigrid)) = (said.iterative, said.multigrid) {
+            let d =
+                Diagnostic::new(Code::E414, "`amg` is the preconditioner of `cg` and `gmres`, none of which is named");
             self.diagnostics.push(d.at(multigrid.name.span, "").help("cg, amg"));
         }
-        match (direct, iterative) {
+        match (said.direct, said.iterative) {
             (Some(_), _) => LinearMethod::Direct,
             (None, Some(_)) => LinearMethod::Iterative,
             (None, None) => LinearMethod::Auto,
@@ -467,10 +471,20 @@ impl Builder<'_> {
 
 /// E442 where the iteration that is asked for cannot be used.
 pub(super) fn unfit_iteration(script: &wfl::ResolvedScript, system: &System) -> Option<Diagnostic> {
-    let word = script.solver.iter().flat_map(|s| &s.options).find(|o| o.name.name == "cg")?;
-    let d = Diagnostic::new(Code::E442, format!("`cg` cannot be used here: {}", obstacle(system)?));
-    let text = "conjugate gradients need one symmetric positive definite matrix";
-    Some(d.at(word.name.span, text).help("leave `cg` out, or write `direct`"))
+    let mut options = script.solver.iter().flat_map(|s| &s.options);
+    let word = options.find(|o| ["cg", "gmres"].contains(&o.name.name.as_str()))?;
+    let name = word.name.name.as_str();
+    let (why, text, other) = match name {
+        "cg" => (obstacle(system)?, "conjugate gradients need one symmetric positive definite matrix", "gmres"),
+        _ => (obstacle_of_filter(system)?, "the iteration for contact on bodies that are linear and symmetric", "cg"),
+    };
+    let d = Diagnostic::new(Code::E442, format!("`{name}` cannot be used here: {why}"));
+    let fits = if name == "cg" { obstacle_of_filter(system) } else { obstacle(system) }.is_none();
+    let help = match fits {
+        true => format!("write `{other}, amg`, or `direct`"),
+        false => format!("leave `{name}` out, or write `direct`"),
+    };
+    Some(d.at(word.name.span, text).help(help))
 }
 
 /// How many whole steps there are, and the length of what is left behind them; `None` where steps lead away, or

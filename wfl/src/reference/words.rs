@@ -55,9 +55,10 @@ pub(super) const MEANINGS: &[(&str, &str)] = &[
     ("on_fail", "`go_on`: the run continues after a step that failed; `stop` is the default"),
     ("accuracy", "demanded relative error, such as 1e-3: it selects mesh, degree, tolerance and penalty"),
     ("of", "quantity of the demanded accuracy: `L2`, `H1`, an output on contact faces, a measure (`L2`)"),
-    ("amg", "multigrid for conjugate gradients"),
+    ("amg", "multigrid for conjugate gradients and GMRES"),
     ("cg", "conjugate gradients for a large symmetric linear system"),
     ("direct", "one factorisation, also of a large system"),
+    ("gmres", "GMRES for the large systems of contact"),
     ("max_iter", "iterations of one attempt (150)"),
     (
         "perturb",

@@ -32,10 +32,10 @@ impl LinearSolver {
         matches!(self.kind, Kind::Full { .. })
     }
 
-    /// Whether our own solvers are at work.
+    /// Whether our own factors are at work.
     #[must_use]
     pub fn is_ours(&self) -> bool {
-        self.options.library.is_none()
+        self.library.is_none()
     }
 
     /// Whether another factor has taken the place of Cholesky's, or the determinant of the last tangent is negative.

@@ -27,7 +27,7 @@ impl LinearSolver {
     /// Factors a matrix by the method that it asks for.
     pub(super) fn factor(&mut self, matrix: &Csr) -> Result<(), SolveError> {
         self.factorisations += 1;
-        let is_linked = self.options.library.is_some();
+        let is_linked = self.library.is_some();
         if self.symmetric && !is_linked && !has_positive_diagonal(matrix) {
             (self.symmetric, self.solver) = (false, None);
         }
@@ -50,7 +50,7 @@ impl LinearSolver {
 
     fn fresh(&self, matrix: &Csr) -> Result<Box<dyn Factor + Send>, SolveError> {
         let coordinates = Some(self.coordinates.as_slice());
-        if let (Some(linked), Some(equations)) = (self.options.library, &self.equations) {
+        if let (Some(linked), Some(equations)) = (self.library, &self.equations) {
             let solver = CheckedLibrary::new(linked, equations, self.symmetric, &self.coordinates, self.options)?;
             return Ok(Box::new(solver));
         }

@@ -1,8 +1,9 @@
 //! Linear solvers.
 //!
 //! The door is [`CheckedCondensed`] for a constant symmetric bulk with a part that changes, [`CheckedLlt`] for
-//! symmetric positive definite matrices, [`CheckedMultigrid`] for those that are too large for a factor, [`CheckedLdlt`] for
-//! symmetric ones that are not definite, [`CheckedLu`] for the rest, [`CheckedDense`] for small ones. All of them are
+//! symmetric positive definite matrices, [`CheckedMultigrid`] for those that are too large for a factor,
+//! [`FilteredMultigrid`] behind [`CheckedLibrary`] for contact on them, [`CheckedLdlt`] for symmetric ones that are not
+//! definite, [`CheckedLu`] for the rest, [`CheckedDense`] for small ones. All of them are
 //! [`LinearSolver`]s.
 //!
 //! Promises: a solution is returned only with a small true residual; everything else is a typed error that names dofs
@@ -17,6 +18,7 @@ mod contributions;
 mod dense;
 mod factorization;
 mod faer_lu;
+mod filtered;
 mod frontal_lu;
 mod inertia;
 mod kernels;
@@ -46,6 +48,7 @@ mod triangular_solve;
 
 pub use checked::{CheckedDense, CheckedLdlt, CheckedLlt, CheckedLu};
 pub use condensed::{CheckedAtPoints, CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
+pub use filtered::{FILTERED_MULTIGRID, FilteredMultigrid};
 pub use inertia::{Inertia, inertia};
 pub use library::{CheckedLibrary, Engine, Equations, Library, Linked, Traits};
 pub use memory::SolverMemory;
@@ -390,6 +393,19 @@ pub trait LinearSolver {
     /// The method in words, where it is more than the name of the solver.
     fn describe(&self) -> Option<String> {
         None
+    }
+
+    /// As [`Engine::remembered`].
+    fn remembered(&self) -> &[f64] {
+        &[]
+    }
+
+    /// As [`Engine::recall`].
+    ///
+    /// # Errors
+    /// [`SolveError`] of what cannot be made of it.
+    fn recall(&mut self, _changing: &Csr) -> Result<(), SolveError> {
+        Ok(())
     }
 }
 

@@ -5,7 +5,7 @@
 //! all others come from smoothed aggregation with the rigid motions of bodies (Vanek, Mandel and Brezina 1996). Work and
 //! memory grow as the number of unknowns does.
 //!
-//! `solver` is the door, `hierarchy` makes the levels and goes through them, `level` smooths, `aggregate`,
+//! `solver` is the door, `cycle` that of other solvers, `hierarchy` makes the levels and goes through them, `level` smooths, `aggregate`,
 //! `prolongation` and `galerkin` make a coarser level, `blocks` and `nodes` hold matrices by nodes.
 //!
 //! Promises: the same bits for any number of threads; a solution only with a small true residual. Does not know meshes and
@@ -15,6 +15,7 @@
 mod aggregate;
 mod blocks;
 mod conjugate_gradients;
+mod cycle;
 mod galerkin;
 mod hierarchy;
 mod level;
@@ -24,5 +25,6 @@ mod solver;
 #[cfg(test)]
 mod tests;
 
+pub(super) use cycle::Cycle;
 pub use nodes::{Interpolation, NearNullSpace, NodeLayout};
 pub use solver::CheckedMultigrid;

@@ -51,7 +51,7 @@ impl NodeLayout {
     ///
     /// # Errors
     /// [`SolveError::Shape`].
-    pub(super) fn check(&self, matrix: &Csr) -> Result<(), SolveError> {
+    pub(in crate::solve) fn check(&self, matrix: &Csr) -> Result<(), SolveError> {
         let shape = |what, expected, found| Err(SolveError::Shape { what, expected, found });
         if self.places.len() != matrix.n_rows() {
             return shape("places of the rows of a matrix", matrix.n_rows(), self.places.len());
@@ -138,9 +138,9 @@ impl NodeLayout {
     }
 }
 
-/// A matrix of single entries, seen as blocks of nodes and times a power of two.
+/// A matrix of single entries, the sum of parts, seen as blocks of nodes and times a power of two.
 pub(super) struct NodeRows<'a> {
-    matrix: &'a Csr,
+    parts: &'a [&'a Csr],
     size: usize,
     /// By row of the matrix.
     places: &'a [u32],
@@ -151,14 +151,14 @@ pub(super) struct NodeRows<'a> {
 }
 
 impl<'a> NodeRows<'a> {
-    pub(super) fn new(matrix: &'a Csr, layout: &'a NodeLayout) -> Self {
+    pub(super) fn new(parts: &'a [&'a Csr], layout: &'a NodeLayout) -> Self {
         let mut rows = vec![NONE; layout.points.len() * layout.components];
         for (row, place) in layout.places.iter().enumerate().filter(|(_, place)| **place != NONE) {
             rows[*place as usize] = row as u32;
         }
-        let largest = matrix.max_abs();
+        let largest = parts.iter().fold(0.0, |largest: f64, part| largest.max(part.max_abs()));
         let scale = if largest > 0.0 && largest.is_finite() { (-largest.log2().round()).exp2() } else { 1.0 };
-        Self { matrix, size: layout.components, places: &layout.places, rows, scale }
+        Self { parts, size: layout.components, places: &layout.places, rows, scale }
     }
 
     /// What entries are multiplied by.
@@ -166,16 +166,15 @@ impl<'a> NodeRows<'a> {
         self.scale
     }
 
-    /// Columns of blocks of a node, and those of its first row alone.
+    /// Columns of blocks of a node.
     fn columns(&self, node: usize, columns: &mut Vec<u32>) {
         columns.clear();
-        let mut is_first = true;
-        for row in &self.rows[node * self.size..][..self.size] {
-            if *row == NONE {
-                continue;
-            }
+        let rows = self.rows[node * self.size..][..self.size].iter().filter(|row| **row != NONE);
+        // nearly all columns come with the first row
+        for (row, part) in rows.flat_map(|row| self.parts.iter().map(move |part| (*row as usize, part))) {
+            let is_first = columns.is_empty();
             let mut at = 0;
-            for column in self.matrix.row(*row as usize).0 {
+            for column in part.row(row).0 {
                 let place = self.places[*column as usize];
                 if place == NONE {
                     continue;
@@ -194,7 +193,6 @@ impl<'a> NodeRows<'a> {
                     columns.insert(at, other);
                 }
             }
-            is_first = false;
         }
         if let Err(at) = columns.binary_search(&(node as u32)) {
             columns.insert(at, node as u32);
@@ -218,24 +216,26 @@ impl Rows for NodeRows<'_> {
         buffer.values.resize(buffer.columns.len() * size * size, 0.0);
         for component in 0..size {
             let row = self.rows[node * size + component];
-            let mut at = 0;
             if row == NONE {
                 let own = buffer.columns.binary_search(&(node as u32)).expect("a node has a block of its own");
                 buffer.values[(own * size + component) * size + component] = 1.0;
                 continue;
             }
-            let (columns, values) = self.matrix.row(row as usize);
-            for (column, value) in columns.iter().zip(values) {
-                let place = self.places[*column as usize];
-                if place == NONE {
-                    continue;
+            for part in self.parts {
+                let mut at = 0;
+                let (columns, values) = part.row(row as usize);
+                for (column, value) in columns.iter().zip(values) {
+                    let place = self.places[*column as usize];
+                    if place == NONE {
+                        continue;
+                    }
+                    let other = place / size as u32;
+                    while buffer.columns[at] < other {
+                        at += 1;
+                    }
+                    let along = place as usize - other as usize * size;
+                    buffer.values[(at * size + component) * size + along] += self.scale * value;
                 }
-                let other = place / size as u32;
-                while buffer.columns[at] < other {
-                    at += 1;
-                }
-                let along = place as usize - other as usize * size;
-                buffer.values[(at * size + component) * size + along] = self.scale * value;
             }
         }
         (&buffer.columns, &buffer.values)

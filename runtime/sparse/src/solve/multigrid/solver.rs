@@ -9,12 +9,10 @@ use super::super::backward_error::{BackwardErrorCheck, inverse_norm_estimate};
 use super::super::symmetry::check_symmetry;
 use super::super::{LinearSolver, SolveError, SolveReport, SolverOptions};
 use super::conjugate_gradients::{ConjugateGradients, Ending, Outcome};
-use super::hierarchy::Hierarchy;
+use super::cycle::Cycle;
 use super::level::dot;
-use super::nodes::{NodeLayout, NodeRows};
+use super::nodes::NodeLayout;
 use crate::csr::Csr;
-use crate::index::NONE;
-use crate::norm::largest;
 
 /// Energy norm of the error that is left, relative to the solution: a hundredth of the relative residual at which
 /// Newton's iteration ends by default, so that measures agree with those of a factor to 1e-10.
@@ -40,33 +38,12 @@ pub struct CheckedMultigrid {
 struct Loaded {
     matrix: Arc<Csr>,
     threads: usize,
-    hierarchy: Hierarchy,
-    /// What the matrix was multiplied by in the levels.
-    scale: f64,
-    b: Vec<f32>,
-    x: Vec<f32>,
+    cycle: Cycle,
 }
 
 impl Loaded {
     fn multiply(&self, x: &[f64], y: &mut [f64]) {
         self.matrix.multiply(x, y, self.threads);
-    }
-
-    /// `z` = one cycle for the residual `r`.
-    fn precondition(&mut self, places: &[u32], r: &[f64], z: &mut [f64]) {
-        let size = largest(r.iter().copied());
-        if !(size > 0.0 && size.is_finite()) {
-            z.fill(0.0);
-            return;
-        }
-        for (place, r) in places.iter().zip(r).filter(|(place, _)| **place != NONE) {
-            self.b[*place as usize] = (r / size) as f32;
-        }
-        self.hierarchy.cycle(&self.b, &mut self.x);
-        let factor = size * self.scale;
-        for (place, z) in places.iter().zip(z) {
-            *z = if *place == NONE { 0.0 } else { factor * f64::from(self.x[*place as usize]) };
-        }
     }
 }
 
@@ -79,12 +56,12 @@ impl CheckedMultigrid {
 
     /// Number of unknowns by level, the finest first; empty without a matrix.
     pub fn level_sizes(&self) -> &[usize] {
-        self.loaded.as_ref().map_or(&[], |loaded| loaded.hierarchy.sizes())
+        self.loaded.as_ref().map_or(&[], |loaded| loaded.cycle.sizes())
     }
 
     /// Bytes of all levels.
     pub fn bytes(&self) -> usize {
-        self.loaded.as_ref().map_or(0, |loaded| loaded.hierarchy.bytes())
+        self.loaded.as_ref().map_or(0, |loaded| loaded.cycle.bytes())
     }
 
     /// As [`LinearSolver::factor`], without a copy of the matrix.
@@ -96,12 +73,8 @@ impl CheckedMultigrid {
         self.layout.check(&matrix)?;
         self.check.set_matrix(&[&matrix])?;
         check_symmetry(&matrix)?;
-        let rows = NodeRows::new(&matrix, &self.layout);
-        let hierarchy = Hierarchy::new(&rows, &self.layout)?;
-        let scale = rows.scale();
-        let zeros = || vec![0.0f32; self.layout.points.len() * self.layout.components];
-        let (b, x) = (zeros(), zeros());
-        let mut loaded = Loaded { threads: self.check.options().threads, matrix, hierarchy, scale, b, x };
+        let cycle = Cycle::new(&[&matrix], &self.layout)?;
+        let mut loaded = Loaded { threads: self.check.options().threads, matrix, cycle };
         self.look_for_null_vector(&mut loaded)?;
         self.loaded = Some(loaded);
         Ok(())
@@ -109,12 +82,10 @@ impl CheckedMultigrid {
 
     /// The error for a matrix whose coarsest level looks singular, if it is singular itself.
     fn look_for_null_vector(&mut self, loaded: &mut Loaded) -> Result<(), SolveError> {
-        let Some(motion) = loaded.hierarchy.take_softest_motion() else { return Ok(()) };
-        let of = |place: &u32| if *place == NONE { 0.0 } else { motion[*place as usize] };
-        let motion = self.layout.places.iter().map(of).collect();
+        let Some(motion) = loaded.cycle.take_softest_motion(&self.layout.places) else { return Ok(()) };
         match self.check.as_singular(&[&loaded.matrix], motion) {
             Some(error) => Err(error),
-            None => loaded.hierarchy.trust(),
+            None => loaded.cycle.trust(),
         }
     }
 
@@ -122,7 +93,7 @@ impl CheckedMultigrid {
         let places = &self.layout.places;
         let cell = std::cell::RefCell::new(loaded);
         let mut multiply = |x: &[f64], y: &mut [f64]| cell.borrow().multiply(x, y);
-        let mut precondition = |r: &[f64], z: &mut [f64]| cell.borrow_mut().precondition(places, r, z);
+        let mut precondition = |r: &[f64], z: &mut [f64]| cell.borrow_mut().cycle.apply(places, r, z);
         self.iteration.solve(&mut multiply, &mut precondition, rhs, x, tolerance, MOST)
     }
 

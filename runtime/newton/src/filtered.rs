@@ -1,0 +1,143 @@
+//! Whether a scene with contact is solved by factors or by GMRES with multigrid of the bodies and a filter on the contact.
+//!
+//! Decided before memory is taken, from the numbers of unknowns and steps. Promises: a reason in words wherever the
+//! iteration cannot be used. Does not assemble and does not solve.
+
+use wfl_compiler::Class;
+use wfl_discrete::{assemble::Over, pruning::Pruning, system::System};
+use wfl_host::memory::claim;
+use wfl_sparse::solve::LinearMethod;
+
+use super::library::traits;
+use super::linear_solver::condenses;
+use super::plan::LinearPlan;
+
+/// Unknowns of a mesh in three dimensions that the models below were measured with.
+const REFERENCE: f64 = 1e5;
+/// Fewer unknowns are factored in a few seconds.
+const SMALL: usize = 60_000;
+/// Unknowns of contact above which a factor on them in every iteration of Newton takes longer than the cycles.
+const MOST_ON_CONTACT: usize = 100_000;
+
+/// Why a scene cannot be solved in this way; `None` if it can.
+#[must_use]
+pub fn obstacle_of_filter(system: &System) -> Option<String> {
+    if system.is_linear() {
+        return Some("the scene is linear".to_owned());
+    }
+    if !system.team().is_alone() {
+        return Some("there are several ranks".to_owned());
+    }
+    if system.has_moving_images() {
+        return Some("images follow the bodies".to_owned());
+    }
+    if let Some(term) = system.terms.iter().find(|t| t.law.class == Class::Linear && !t.law.symmetric) {
+        return Some(format!("the term `{}` is not symmetric", term.law.name));
+    }
+    let nonlinear = system.terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
+    if let Some(term) = nonlinear.clone().find(|t| t.integrator.domain.over != Over::Facets) {
+        return Some(format!("the term `{}` is not linear and no contact", term.law.name));
+    }
+    if let Some(field) = (0..system.fields.len()).find(|field| system.has_single_equations(*field)) {
+        return Some(format!("the equations of `{}` are laws at points", system.fields[field].name));
+    }
+    if !system.uses(Pruning::Condense) || !condenses(system) {
+        return Some("contact touches most unknowns".to_owned());
+    }
+    let traits = traits(system);
+    if traits.on_contact > MOST_ON_CONTACT {
+        return Some(format!("{} of {} unknowns are on contact", traits.on_contact, traits.unknowns));
+    }
+    traits.obstacle
+}
+
+/// What a method is foreseen to take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Cost {
+    seconds: f64,
+    bytes: f64,
+}
+
+/// Bytes of the factor of the bodies and of what is condensed, for each unknown at [`REFERENCE`] of them; they grow with the
+/// third root of their number (George 1973).
+const FACTOR_BYTES: f64 = 22e3;
+/// Seconds of that factor there, and the power of the number of unknowns they grow with.
+const FACTOR_SECONDS: f64 = 7.0;
+const FACTOR_POWER: f64 = 1.85;
+/// Seconds of a step there: some iterations of Newton, each a few solutions.
+const STEP_SECONDS: f64 = 0.6;
+/// Of the iteration: bytes for each unknown, seconds of the levels, and of a step.
+const BYTES: f64 = 2.2e3;
+const LEVELS_SECONDS: f64 = 1.0;
+const ITERATIONS_SECONDS: f64 = 2.0;
+
+#[expect(clippy::cast_precision_loss, reason = "counts")]
+fn factor(n: usize, steps: usize) -> Cost {
+    let size = n as f64 / REFERENCE;
+    let seconds = FACTOR_SECONDS * size.powf(FACTOR_POWER) + steps as f64 * STEP_SECONDS * size.powf(4.0 / 3.0);
+    Cost { seconds, bytes: FACTOR_BYTES * n as f64 * size.cbrt() }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts")]
+fn iteration(n: usize, steps: usize) -> Cost {
+    let size = n as f64 / REFERENCE;
+    Cost { seconds: (LEVELS_SECONDS + steps as f64 * ITERATIONS_SECONDS) * size, bytes: BYTES * n as f64 }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
+fn size(cost: Cost) -> u64 {
+    cost.bytes as u64
+}
+
+/// Whether the iteration is to be used; `steps` are those that are expected.
+#[must_use]
+pub(super) fn is_chosen(system: &System, method: LinearMethod, steps: usize) -> bool {
+    let n = system.n_unknowns();
+    let pays = || {
+        let (direct, iterative) = (factor(n, steps), iteration(n, steps));
+        iterative.seconds < direct.seconds || claim(size(direct), "the factor of the bodies").is_err()
+    };
+    let is_wanted = match method {
+        LinearMethod::Direct => false,
+        LinearMethod::Iterative => true,
+        LinearMethod::Auto => system.mesh.dim() == 3 && n >= SMALL && pays(),
+    };
+    is_wanted && obstacle_of_filter(system).is_none()
+}
+
+/// The iteration with what it is foreseen to take; `None` for a factor.
+pub(super) fn plan(system: &System, method: LinearMethod, steps: usize) -> Option<LinearPlan> {
+    if !is_chosen(system, method, steps) {
+        return None;
+    }
+    let n = system.n_unknowns();
+    let (bytes, in_place) = (size(iteration(n, steps)), size(factor(n, steps)));
+    Some(LinearPlan::Filtered { on_contact: traits(system).on_contact, bytes, in_place })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_block::{Block, LAPLACE};
+
+    #[test]
+    fn what_stands_against_it_is_said() {
+        let of = |block: Block| obstacle_of_filter(&block.system).expect("an obstacle");
+        assert_eq!(of(Block::new(2, &[LAPLACE], &[])), "the scene is linear");
+        // three nodes are free, all of them on the floor
+        assert_eq!(of(Block::with_friction(2)), "contact touches most unknowns");
+    }
+
+    #[test]
+    fn a_small_scene_is_factored_whatever_the_models_say() {
+        let system = Block::with_friction(2).system;
+        assert!(!is_chosen(&system, LinearMethod::Auto, 1) && !is_chosen(&system, LinearMethod::Direct, 1));
+        assert_eq!(plan(&system, LinearMethod::Auto, 1), None);
+    }
+
+    #[test]
+    fn many_steps_pay_for_a_factor_and_many_unknowns_do_not() {
+        let pays = |n, steps| iteration(n, steps).seconds < factor(n, steps).seconds;
+        assert!(pays(350_000, 4) && !pays(60_000, 100) && pays(2_000_000, 20));
+    }
+}

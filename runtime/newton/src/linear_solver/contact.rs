@@ -1,0 +1,165 @@
+//! Contact by our iteration, and the factors that take its place where it does not get to its end.
+
+use std::sync::Arc;
+
+use super::{Kind, LinearSolver, at_points, condenses, facing};
+use wfl_discrete::{pruning::Pruning, system::System};
+use wfl_sparse::csr::{Csr, Pattern};
+use wfl_sparse::solve::{
+    CheckedAtPoints, FILTERED_MULTIGRID, Kept, Linked, SolveError, SolveReport, SolverMemory,
+};
+
+/// What the iteration is called where a factor takes its place.
+const FILTERED: &str = "GMRES with multigrid";
+
+/// What factors for contact are made of.
+pub(super) struct Factors {
+    bulk: Arc<Csr>,
+    pattern: Arc<Pattern>,
+    /// The changing part is condensed onto the dofs that it touches.
+    condenses: bool,
+    /// Unknowns at points.
+    at_points: Vec<u32>,
+    /// Dofs that face each other.
+    facing: Vec<(u32, u32)>,
+    /// The changing part of the matrix that the iteration solves with.
+    changing: Option<Csr>,
+}
+
+impl Factors {
+    pub(super) fn of(system: &System, coordinates: &[[f64; 3]]) -> Self {
+        let condenses = condenses(system);
+        let shares = condenses && system.uses(Pruning::Forces);
+        Self {
+            bulk: system.shared_bulk(),
+            pattern: Arc::clone(system.changing_pattern()),
+            condenses,
+            at_points: if condenses { at_points(system) } else { Vec::new() },
+            facing: if shares { facing(system, coordinates) } else { Vec::new() },
+            changing: None,
+        }
+    }
+}
+
+impl LinearSolver {
+    /// Prepares for factors: of the bulk, with the changing part condensed, or of the sum.
+    pub(super) fn choose_factors(&mut self, of: &Factors) -> Result<(), SolveError> {
+        if of.condenses {
+            let points = Some(self.coordinates.as_slice());
+            match CheckedAtPoints::new(&of.bulk, &of.pattern, points, &of.at_points, &of.facing, self.options) {
+                Ok(mut condensed) => {
+                    self.factorisations += condensed.take_factorisations();
+                    self.kind = Kind::Condensed(Box::new(condensed));
+                    return Ok(());
+                }
+                Err(SolveError::NotPositiveDefinite { .. } | SolveError::Singular { .. }) => {
+                    self.notes.push("the linear part without the contact dofs is not positive definite: the whole tangent is factored where an older factor does not serve".to_owned());
+                }
+                Err(e) => return Err(e),
+            }
+        }
+        self.sum_on(&of.bulk, &of.pattern)
+    }
+
+    /// Prepares for the sum of the linear part and a part on another pattern.
+    pub(super) fn sum_on(&mut self, bulk: &Csr, changing: &Arc<Pattern>) -> Result<(), SolveError> {
+        let pattern = Arc::new(bulk.pattern().union(changing)?);
+        let positions = |part: &Pattern| part.positions_in(&pattern).expect("a part of the union");
+        let (bulk_positions, changing_positions) = (positions(bulk.pattern()), positions(changing));
+        self.kind = Kind::Full { pattern, changing: Arc::clone(changing), bulk_positions, changing_positions };
+        Ok(())
+    }
+
+    /// Prepares for our iteration.
+    pub(super) fn iterate_on_contact(&mut self, system: &System) {
+        self.library = Some(Linked(&FILTERED_MULTIGRID));
+        self.spare = Some(Box::new(Factors::of(system, &self.coordinates)));
+        self.tell_library(system);
+        self.kind = Kind::Linked;
+    }
+
+    /// Takes the changing part of a tangent that a library, or our iteration, solves with.
+    pub(super) fn take_linked(&mut self, changing: &Csr) -> Result<(), SolveError> {
+        let outcome = self.factor(changing);
+        let Some(spare) = &mut self.spare else { return outcome };
+        spare.changing = Some(changing.clone());
+        match outcome {
+            Err(error) if gives_way(&error) => self.give_way(Some(&error)),
+            other => other,
+        }
+    }
+
+    /// Our iteration; a factor where it does not get to its end.
+    pub(super) fn solve_on_contact(
+        &mut self,
+        rhs: &[f64],
+        x: &mut Vec<f64>,
+        tolerance: f64,
+    ) -> Result<SolveReport, SolveError> {
+        let solver = self.solver.as_mut().ok_or(SolveError::NotFactored)?;
+        let error = match solver.solve_with_kept(rhs, x, tolerance) {
+            Ok(Kept::Solved(report)) => return Ok(report),
+            Ok(_) => SolveError::NotFactored,
+            Err(error) => error,
+        };
+        if !gives_way(&error) {
+            return Err(error);
+        }
+        self.give_way(Some(&error))?;
+        let report = self.solve(rhs, x, tolerance)?;
+        Ok(SolveReport { refactored: true, ..report })
+    }
+
+    /// Turns from the iteration to factors, for the rest of the run.
+    fn give_way(&mut self, error: Option<&SolveError>) -> Result<(), SolveError> {
+        let Some(factors) = self.spare.take() else { return Err(SolveError::NotFactored) };
+        if let Some(error) = error {
+            self.notes.push(format!("a factor in place of {FILTERED}: {error}"));
+        }
+        (self.library, self.equations, self.solver) = (None, None, None);
+        self.choose_factors(&factors)?;
+        let Some(changing) = &factors.changing else { return Ok(()) };
+        match &mut self.kind {
+            Kind::Condensed(c) => {
+                let outcome = c.update(changing);
+                self.factorisations += c.take_factorisations();
+                outcome
+            }
+            _ => self.take_sum([&factors.bulk, changing], false),
+        }
+    }
+
+    /// Goes back to what was remembered where it, or this solver, is the iteration.
+    pub(super) fn recall_iteration(&mut self, memory: &SolverMemory) -> Result<bool, SolveError> {
+        if !memory.iterative {
+            self.give_way(None)?;
+            return self.recall(memory);
+        }
+        let Some(equations) = self.equations.clone().filter(|_| self.spare.is_some()) else { return Ok(true) };
+        if memory.factored.is_empty() {
+            return Ok(true);
+        }
+        let mut changing = Csr::zeros(Arc::clone(&equations.changing));
+        if memory.factored.len() != changing.values().len() {
+            return Ok(false);
+        }
+        changing.values_mut().copy_from_slice(&memory.factored);
+        if self.solver.is_none() {
+            self.solver = Some(self.fresh(&changing)?);
+        }
+        self.solver.as_mut().expect("made above").recall(&changing)?;
+        Ok(true)
+    }
+}
+
+/// Whether a factor may do better.
+fn gives_way(error: &SolveError) -> bool {
+    matches!(
+        error,
+        SolveError::Library { .. }
+            | SolveError::ResidualTooLarge { .. }
+            | SolveError::VanishingPivot { .. }
+            | SolveError::NotPositiveDefinite { .. }
+            | SolveError::NotFactored
+    )
+}

@@ -1,0 +1,46 @@
+//! Contact at a size where no factor of the bodies fits: GMRES with multigrid of the bodies and a filter on the contact.
+//!
+//! It is a [`Library`] of this program's own: what is told of the equations, how solutions are checked and how far Newton
+//! asks for them is the same as for a linked one. `engine` is the method, `gmres` the iteration, `filter` the direct
+//! solution on the unknowns of contact; `multigrid` makes the levels.
+
+mod engine;
+mod filter;
+mod gmres;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use super::SolveError;
+use super::library::{Engine, Equations, Library, Traits};
+
+/// The method.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FilteredMultigrid;
+
+/// The method as an option of a run.
+pub static FILTERED_MULTIGRID: FilteredMultigrid = FilteredMultigrid;
+
+impl Library for FilteredMultigrid {
+    fn name(&self) -> &'static str {
+        "own"
+    }
+
+    fn plan(&self, traits: &Traits) -> String {
+        in_words(traits)
+    }
+
+    fn engine(&self, equations: &Arc<Equations>, _is_symmetric: bool) -> Result<Box<dyn Engine + Send>, SolveError> {
+        Ok(Box::new(engine::FilteredEngine::new(equations)?))
+    }
+}
+
+/// The method in words.
+fn in_words(traits: &Traits) -> String {
+    let prefix = if traits.is_linear { "one linear system" } else { "Newton" };
+    match traits.on_contact {
+        0 => format!("{prefix}; GMRES with multigrid"),
+        n => format!("{prefix}; GMRES with multigrid, then a direct solution on the {n} dofs of contact"),
+    }
+}
