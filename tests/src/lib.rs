@@ -154,7 +154,7 @@ pub fn script_and_messages(
 }
 
 fn told(diagnostics: &[Diagnostic], sources: &SourceMap) -> String {
-    diagnostics.iter().map(|d| render(d, sources, false)).collect::<Vec<_>>().join("\n")
+    diagnostics.iter().map(|d| render(d, sources)).collect::<Vec<_>>().join("\n")
 }
 
 /// Reads and prepares a scene; the messages tell of errors and warnings.
