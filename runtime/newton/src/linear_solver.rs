@@ -24,6 +24,7 @@ use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{
     CheckedAtPoints, CheckedLibrary, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, Equations, Kept,
     LinearMethod, LinearSolver as Factor, Linked, Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
+    Symmetry,
 };
 
 /// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
@@ -344,7 +345,8 @@ impl LinearSolver {
     fn fresh(&self, matrix: &Csr) -> Result<Box<dyn Factor + Send>, SolveError> {
         let coordinates = Some(self.coordinates.as_slice());
         if let (Some(linked), Some(equations)) = (self.options.library, &self.equations) {
-            let solver = CheckedLibrary::new(linked, equations, self.symmetric, &self.coordinates, self.options)?;
+            let symmetry = Symmetry::known(self.symmetric);
+            let solver = CheckedLibrary::new(linked, equations, symmetry, &self.coordinates, self.options)?;
             return Ok(Box::new(solver));
         }
         Ok(if self.symmetric {
