@@ -122,8 +122,7 @@ impl SampledPiece {
             let kind = vtk_cell(space.element_at(position).kind(), degree);
             cells.push_local(kind, space.entity_nodes(position));
         }
-        let part = mesh.part().filter(|_| !mesh.is_whole());
-        let part = part.map(|part| PartOfPiece::new(mesh, part, &space, space.support()));
+        let part = mesh.part_of_whole().map(|part| PartOfPiece::new(mesh, part, &space, space.support()));
         Ok(Self { space, cells, domain, items: Vec::new(), support: support.clone(), again: None, part })
     }
 
