@@ -1,5 +1,6 @@
 //! Scenes as text, solved through the library: what the suites share.
 
+pub mod constants;
 pub mod corpus;
 pub mod driven;
 pub mod fuzz;
