@@ -152,7 +152,7 @@ error[E107]: `**` is not an operator
   = help: x^2, or sqr(x)
 ";
         assert_eq!(render(&d, &sources), expected);
-        assert!(render(&d, &sources, true).contains("\u{1b}["));
+        assert!(render_coloured(&d, &sources).contains("\u{1b}["));
     }
 
     #[test]
