@@ -158,9 +158,14 @@ impl BranchLayout {
         self.branch(point, entry) == Branch::Stick
     }
 
-    /// Closes an entry of a half-line or opens it; lets a ball (entry 0) stick or slip. Other numbers stay.
-    pub fn set_sticks(&self, point: &mut [f64], entry: usize, sticks: bool) {
-        point[self.mask(entry)] = f64::from(u8::from(sticks));
+    /// Closes an entry of a half-line whose argument is not negative, opens it otherwise. Other numbers stay.
+    pub fn close_by(&self, point: &mut [f64], entry: usize, argument: f64) {
+        point[self.mask(entry)] = f64::from(u8::from(argument >= 0.0));
+    }
+
+    /// Lets a ball slip. Other numbers stay.
+    pub fn slip(&self, point: &mut [f64]) {
+        point[self.mask(0)] = 0.0;
     }
 
     /// Closes all entries of a half-line; lets a ball stick. Other numbers stay.
@@ -267,7 +272,7 @@ mod tests {
         assert!(!ball.differs(&east, &north_east));
         assert!(ball.differs(&east, &west));
         let mut sticking = west.clone();
-        ball.set_sticks(&mut sticking, 0, true);
+        ball.stick(&mut sticking);
         assert!(ball.differs(&east, &sticking) && ball.differs(&sticking, &east));
         assert!(!ball.differs(&sticking, &sticking));
     }

@@ -39,7 +39,7 @@
 //! may be 1 or 0 (affine): it is measured, not read off from the kind of the cell.
 
 use crate::{
-    graph::{ExprId, Graph, Leaf, Node, Role},
+    graph::{Arity, ExprId, Graph, Leaf, Node, Role},
     types::{EntityGeometry, FieldOp, FieldSig, PlaceKind, PlaceSig, Side},
 };
 
@@ -192,8 +192,9 @@ impl Estimate {
         self.parts[..=quotients].iter().flatten().copied().max().unwrap_or(0)
     }
 
-    /// The degree on affine entities; `tested` if it multiplies a test function.
-    fn affine(&self, tested: bool, entity: EntityGeometry) -> i32 {
+    /// The degree on affine entities of what multiplies these functions.
+    fn affine(&self, arity: Arity, entity: EntityGeometry) -> i32 {
+        let tested = arity.test || arity.trial;
         let kink = if self.kinked { KINK } else { 0 };
         let linear = if tested { self.leaf + self.test } else { self.whole.min(2 * self.leaf) };
         let beyond = if entity.tensor { 1 } else { self.leaf };
@@ -231,10 +232,10 @@ impl Degree {
 fn degree_on(graph: &Graph, root: ExprId, fields: &[FieldSig], entity: EntityGeometry, kind: PlaceKind) -> Degree {
     // an edge in space is a line, the face whose gradients are taken there is none
     let on_line = entity.dim == 1 && !matches!(kind, PlaceKind::Edges | PlaceKind::InnerEdges);
-    let of = |view: View| estimate(graph, root, fields, on_line, entity, view);
+    let of = |view: View| Leaves { fields, on_line, entity, view }.estimate(graph, root);
     let affine = of(View::Affine);
     let arity = graph.arity(root);
-    let flat = affine.affine(arity.test || arity.trial, entity);
+    let flat = affine.affine(arity, entity);
     let on_cells = kind == PlaceKind::Cells;
     let (mut rule, mut quotient) = (flat, false);
     if entity.order > 0 {
@@ -258,91 +259,96 @@ fn degree_on(graph: &Graph, root: ExprId, fields: &[FieldSig], entity: EntityGeo
     }
 }
 
-/// What is known of an expression.
-fn estimate(
-    graph: &Graph,
-    root: ExprId,
-    fields: &[FieldSig],
+/// What leaves are polynomials of: the fields, and where they are seen.
+struct Leaves<'a> {
+    fields: &'a [FieldSig],
+    /// On entities that are lines, but for edges in space.
     on_line: bool,
     entity: EntityGeometry,
     view: View,
-) -> Estimate {
-    let mut known: Vec<Estimate> = Vec::with_capacity(root.index() + 1);
-    for k in 0..=root.index() {
-        let of = |x: ExprId| known[x.index()];
-        let e = match graph.node(ExprId::new(k)) {
-            Node::Const(_) => CONSTANT,
-            Node::Leaf(leaf) => {
-                let e = leaf_estimate(*leaf, fields, on_line, entity, view);
-                let at_image = is_image(*leaf);
-                // an image that moves is no polynomial of anything
-                let e = if at_image && graph.moves.is_some() { e.composed() } else { e };
-                Estimate { piecewise: graph.mapping.is_some() && at_image, ..e }
-            }
-            Node::Add(a, b) | Node::Sub(a, b) | Node::And(a, b) | Node::Or(a, b) => of(*a).sum(of(*b)),
-            Node::InBall(a, b) | Node::Compare(_, a, b) => of(*a).sum(of(*b)),
-            Node::Neg(a) | Node::Trace(a, ..) | Node::Permute(a, _) | Node::Reshape(a) => of(*a),
-            Node::Pick(a, _) | Node::Not(a) | Node::Print(a) => of(*a),
-            Node::Scale(a, b) | Node::MulComponents(a, b) | Node::Contract(a, b, _) => of(*a).product(of(*b)),
-            Node::Divide(a, b) | Node::DivComponents(a, b) => of(*a).product(of(*b).composed()),
-            Node::Stack(parts) => parts.iter().fold(CONSTANT, |sum, p| sum.sum(of(*p))),
-            Node::Map(_, a) | Node::Matrix(_, a) | Node::Inverse(a) | Node::Norm(a) | Node::Unit(a) => {
-                of(*a).composed()
-            }
-            Node::Lookup(.., a) => of(*a).composed(),
-            Node::Map2(_, a, b) => of(*a).sum(of(*b)).composed(),
-            Node::Select(mask, a, b) => of(*a).sum(of(*b)).with_kink(graph.depends(*mask).unknown),
-            Node::Ball(v, r) | Node::BallRatio(v, r) => {
-                of(*v).sum(of(*r)).with_kink(graph.depends(*v).unknown || graph.depends(*r).unknown)
-            }
-            Node::Det(a) => (1..graph.shape(*a).size(0)).fold(of(*a), |power, _| power.product(of(*a))),
-        };
-        known.push(e);
+}
+
+impl Leaves<'_> {
+    /// What is known of an expression.
+    fn estimate(&self, graph: &Graph, root: ExprId) -> Estimate {
+        let mut known: Vec<Estimate> = Vec::with_capacity(root.index() + 1);
+        for k in 0..=root.index() {
+            let of = |x: ExprId| known[x.index()];
+            let e = match graph.node(ExprId::new(k)) {
+                Node::Const(_) => CONSTANT,
+                Node::Leaf(leaf) => {
+                    let e = self.leaf(*leaf);
+                    let at_image = is_image(*leaf);
+                    // an image that moves is no polynomial of anything
+                    let e = if at_image && graph.moves.is_some() { e.composed() } else { e };
+                    Estimate { piecewise: graph.mapping.is_some() && at_image, ..e }
+                }
+                Node::Add(a, b) | Node::Sub(a, b) | Node::And(a, b) | Node::Or(a, b) => of(*a).sum(of(*b)),
+                Node::InBall(a, b) | Node::Compare(_, a, b) => of(*a).sum(of(*b)),
+                Node::Neg(a) | Node::Trace(a, ..) | Node::Permute(a, _) | Node::Reshape(a) => of(*a),
+                Node::Pick(a, _) | Node::Not(a) | Node::Print(a) => of(*a),
+                Node::Scale(a, b) | Node::MulComponents(a, b) | Node::Contract(a, b, _) => of(*a).product(of(*b)),
+                Node::Divide(a, b) | Node::DivComponents(a, b) => of(*a).product(of(*b).composed()),
+                Node::Stack(parts) => parts.iter().fold(CONSTANT, |sum, p| sum.sum(of(*p))),
+                Node::Map(_, a) | Node::Matrix(_, a) | Node::Inverse(a) | Node::Norm(a) | Node::Unit(a) => {
+                    of(*a).composed()
+                }
+                Node::Lookup(.., a) => of(*a).composed(),
+                Node::Map2(_, a, b) => of(*a).sum(of(*b)).composed(),
+                Node::Select(mask, a, b) => of(*a).sum(of(*b)).with_kink(graph.depends(*mask).unknown),
+                Node::Ball(v, r) | Node::BallRatio(v, r) => {
+                    of(*v).sum(of(*r)).with_kink(graph.depends(*v).unknown || graph.depends(*r).unknown)
+                }
+                Node::Det(a) => (1..graph.shape(*a).size(0)).fold(of(*a), |power, _| power.product(of(*a))),
+            };
+            known.push(e);
+        }
+        known[root.index()]
     }
-    known[root.index()]
+
+    fn leaf(&self, leaf: Leaf) -> Estimate {
+        let Self { fields, on_line, entity, view } = *self;
+        let mapped = view != View::Affine;
+        let order = int(entity.order);
+        let of = |degree: i32, quotients: usize| {
+            let mut parts = [None; 3];
+            parts[quotients.min(2)] = Some(degree);
+            Estimate { parts, whole: degree, ..CONSTANT }
+        };
+        match leaf {
+            Leaf::Field { field, op, role, .. } => {
+                let k = int(fields[field.index()].degree);
+                // along a line the derivative of a field of that line has one degree less, also beside tensor cells
+                let along_line = fields[field.index()].on_faces && on_line;
+                let tested = matches!(role, Role::Test | Role::Trial);
+                if view == View::ConstantState && !tested {
+                    return Estimate { fields: true, ..CONSTANT };
+                }
+                let e = match op {
+                    FieldOp::Value => of(k, 0),
+                    FieldOp::Grad if mapped => of(k - order, 1),
+                    FieldOp::Hess if mapped => of(k, 2),
+                    _ if entity.tensor && !along_line => of(k, 0),
+                    FieldOp::Grad => of((k - 1).max(0), 0),
+                    FieldOp::Hess => of((k - 2).max(0), 0),
+                };
+                let (leaf, test) = if tested { (0, e.whole) } else { (e.whole, 0) };
+                Estimate { leaf, test, fields: true, ..e }
+            }
+            Leaf::X | Leaf::ImageX => {
+                let degree = if mapped { order.max(1) } else { 1 };
+                Estimate { leaf: degree, ..of(degree, 0) }
+            }
+            Leaf::ElementK(_) if mapped => of(order, 0),
+            Leaf::ElementB(_) if mapped => of(1 - order, 1),
+            _ => CONSTANT,
+        }
+    }
 }
 
 /// True for what is read at the images of points: it may be in several cells.
 fn is_image(leaf: Leaf) -> bool {
     matches!(leaf, Leaf::ImageX | Leaf::Field { side: Side::There, .. })
-}
-
-fn leaf_estimate(leaf: Leaf, fields: &[FieldSig], on_line: bool, entity: EntityGeometry, view: View) -> Estimate {
-    let mapped = view != View::Affine;
-    let order = int(entity.order);
-    let of = |degree: i32, quotients: usize| {
-        let mut parts = [None; 3];
-        parts[quotients.min(2)] = Some(degree);
-        Estimate { parts, whole: degree, ..CONSTANT }
-    };
-    match leaf {
-        Leaf::Field { field, op, role, .. } => {
-            let k = int(fields[field.index()].degree);
-            // along a line the derivative of a field of that line has one degree less, also beside tensor cells
-            let along_line = fields[field.index()].on_faces && on_line;
-            let tested = matches!(role, Role::Test | Role::Trial);
-            if view == View::ConstantState && !tested {
-                return Estimate { fields: true, ..CONSTANT };
-            }
-            let e = match op {
-                FieldOp::Value => of(k, 0),
-                FieldOp::Grad if mapped => of(k - order, 1),
-                FieldOp::Hess if mapped => of(k, 2),
-                _ if entity.tensor && !along_line => of(k, 0),
-                FieldOp::Grad => of((k - 1).max(0), 0),
-                FieldOp::Hess => of((k - 2).max(0), 0),
-            };
-            let (leaf, test) = if tested { (0, e.whole) } else { (e.whole, 0) };
-            Estimate { leaf, test, fields: true, ..e }
-        }
-        Leaf::X | Leaf::ImageX => {
-            let degree = if mapped { order.max(1) } else { 1 };
-            Estimate { leaf: degree, ..of(degree, 0) }
-        }
-        Leaf::ElementK(_) if mapped => of(order, 0),
-        Leaf::ElementB(_) if mapped => of(1 - order, 1),
-        _ => CONSTANT,
-    }
 }
 
 fn int(n: usize) -> i32 {

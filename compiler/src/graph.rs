@@ -188,12 +188,12 @@ impl Graph {
         matches!(self.node(e), Node::Const(b) if b.iter().all(|b| f64::from_bits(*b) == 0.0))
     }
 
-    fn intern(&mut self, node: Node, shape: Shape, mask: bool, arity: Arity, depends: Depends) -> ExprId {
+    fn intern(&mut self, node: Node, shape: Shape, arity: Arity, depends: Depends) -> ExprId {
         if let Some(&e) = self.index.get(&(node.clone(), shape)) {
             return e;
         }
         let e = ExprId::new(self.nodes.len());
-        let mut below = 0;
+        let (mask, mut below) = (node.is_mask(), 0);
         node.for_each_operand(|a| below = below.max(self.infos[a.index()].depth));
         self.index.insert((node.clone(), shape), e);
         self.nodes.push(node);
@@ -209,7 +209,7 @@ impl Graph {
     pub fn constant(&mut self, shape: Shape, values: &[f64]) -> ExprId {
         assert_eq!(shape.len(), values.len());
         let bits = values.iter().map(|v| v.to_bits()).collect();
-        self.intern(Node::Const(bits), shape, false, Arity::NONE, Depends::default())
+        self.intern(Node::Const(bits), shape, Arity::NONE, Depends::default())
     }
 
     /// A number.
@@ -270,7 +270,7 @@ impl Graph {
             _ => {}
         }
         depends.unknown |= self.moves.is_some() && self.is_at_image(leaf);
-        self.intern(Node::Leaf(leaf), self.leaf_shape(leaf), false, arity, depends)
+        self.intern(Node::Leaf(leaf), self.leaf_shape(leaf), arity, depends)
     }
 
     fn fold2(&mut self, a: ExprId, b: ExprId, f: impl Fn(f64, f64) -> f64) -> Option<ExprId> {
@@ -297,7 +297,7 @@ impl Graph {
             return e;
         }
         let (arity, depends) = self.join2(a, b);
-        self.intern(Node::Add(a, b), self.shape(a), false, arity, depends)
+        self.intern(Node::Add(a, b), self.shape(a), arity, depends)
     }
 
     /// a - b, equal shapes.
@@ -313,7 +313,7 @@ impl Graph {
             return e;
         }
         let (arity, depends) = self.join2(a, b);
-        self.intern(Node::Sub(a, b), self.shape(a), false, arity, depends)
+        self.intern(Node::Sub(a, b), self.shape(a), arity, depends)
     }
 
     /// -a
@@ -324,7 +324,7 @@ impl Graph {
         if let Some(e) = self.fold1(a, |x| -x) {
             return e;
         }
-        self.intern(Node::Neg(a), self.shape(a), false, self.arity(a), self.depends(a))
+        self.intern(Node::Neg(a), self.shape(a), self.arity(a), self.depends(a))
     }
 
     /// scalar `s` times `a`.
@@ -349,7 +349,7 @@ impl Graph {
             return s;
         }
         let (arity, depends) = self.join2(s, a);
-        self.intern(Node::Scale(s, a), shape, false, arity, depends)
+        self.intern(Node::Scale(s, a), shape, arity, depends)
     }
 
     /// `a` over scalar `s`.
@@ -367,7 +367,7 @@ impl Graph {
             return self.constant(self.shape(a), &values);
         }
         let (arity, depends) = self.join2(a, s);
-        self.intern(Node::Divide(a, s), self.shape(a), false, arity, depends)
+        self.intern(Node::Divide(a, s), self.shape(a), arity, depends)
     }
 
     /// Entry by entry, equal shapes.
@@ -386,7 +386,7 @@ impl Graph {
             return e;
         }
         let (arity, depends) = self.join2(a, b);
-        self.intern(Node::MulComponents(a, b), self.shape(a), false, arity, depends)
+        self.intern(Node::MulComponents(a, b), self.shape(a), arity, depends)
     }
 
     /// Entry by entry, equal shapes.
@@ -399,6 +399,6 @@ impl Graph {
             return e;
         }
         let (arity, depends) = self.join2(a, b);
-        self.intern(Node::DivComponents(a, b), self.shape(a), false, arity, depends)
+        self.intern(Node::DivComponents(a, b), self.shape(a), arity, depends)
     }
 }

@@ -70,7 +70,7 @@ impl Motion<'_> {
             Leaf::Field { field, side, op, role } => {
                 let moved = match op {
                     FieldOp::Value => None,
-                    FieldOp::Grad => Some(self.of_gradient(g, leaf, side, self.fields[field.index()].on_faces)),
+                    FieldOp::Grad => Some(self.of_gradient(g, leaf, side, field)),
                     FieldOp::Hess => Some(self.of_second(g, leaf, side)),
                 };
                 let further = match op {
@@ -115,11 +115,11 @@ impl Motion<'_> {
         g.sub(place, mesh)
     }
 
-    fn of_gradient(self, g: &mut Graph, leaf: Leaf, side: Side, is_along_faces: bool) -> ExprId {
+    fn of_gradient(self, g: &mut Graph, leaf: Leaf, side: Side, field: FieldId) -> ExprId {
         let (gradient, d) = (g.leaf(leaf), self.gradient(g, side));
         let last = g.shape(gradient).rank() - 1;
         let turned = g.contract(gradient, d, &[(last, 0)]);
-        if !is_along_faces {
+        if !self.fields[field.index()].on_faces {
             return g.neg(turned);
         }
         let n = g.leaf(Leaf::Normal(side));

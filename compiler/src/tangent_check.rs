@@ -170,7 +170,7 @@ pub fn check_tangent(
         let uniforms = run_prologue(&law.prologue, &slots);
         let place = check.place(sampling, &mut random);
         let a = check.draw(&place, &mut random);
-        check.state(&uniforms, &a, false);
+        check.state(&uniforms, &a, Drawn::Anywhere);
         let others: Vec<Vec<f64>> = (0..PARTNERS).map(|_| check.draw(&place, &mut random)).collect();
         let here = check.branches(&uniforms, &a);
         if let Some(b) = others.iter().find(|b| check.branches(&uniforms, b) != here) {
@@ -221,6 +221,13 @@ type Sizes = BTreeMap<(SlotGroup, SlotGroup), f64>;
 struct Column {
     step: f64,
     differences: Vec<Dd>,
+}
+
+/// Where a state was drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Drawn {
+    Anywhere,
+    NearKink,
 }
 
 /// Outputs of the tangent kernel at one state in both precisions.
@@ -386,13 +393,13 @@ impl<'l> Checker<'l> {
         }
         for distance in KINK_DISTANCES {
             for s in [low - distance, high + distance] {
-                self.state(uniforms, &between(s), true);
+                self.state(uniforms, &between(s), Drawn::NearKink);
             }
         }
     }
 
     /// Tests one state.
-    fn state(&mut self, uniforms: &[f64], inputs: &[f64], near_kink: bool) {
+    fn state(&mut self, uniforms: &[f64], inputs: &[f64], drawn: Drawn) {
         let wide: Vec<Dd> = inputs.iter().map(|x| Dd::from_f64(*x)).collect();
         let residual = Self::run(&self.law.residual, uniforms, &wide);
         let tangent = Self::run(&self.law.tangent, uniforms, &wide);
@@ -404,7 +411,7 @@ impl<'l> Checker<'l> {
         }
         let n_tests = self.law.tests.len();
         self.out.states += 1;
-        self.out.near_kinks += usize::from(near_kink);
+        self.out.near_kinks += usize::from(drawn == Drawn::NearKink);
         self.out.flux_differences +=
             plain[..n_tests].iter().zip(&narrow[..n_tests]).filter(|(a, b)| a.to_bits() != b.to_bits()).count();
         let codes = self.codes(&residual);
@@ -417,7 +424,7 @@ impl<'l> Checker<'l> {
         let bounded: Vec<Bounded> = inputs.iter().map(|x| Bounded::from_f64(*x)).collect();
         let errors: Vec<f64> = Self::run(&self.law.residual, uniforms, &bounded).iter().map(|b| b.error).collect();
         let outputs = Outputs { wide: tangent, narrow };
-        self.compare(&columns, &errors, &outputs, &codes, near_kink);
+        self.compare(&columns, &errors, &outputs, &codes, drawn);
         let narrow = outputs.narrow;
         self.tested.push(Tested {
             uniforms: uniforms.to_vec(),
@@ -487,14 +494,7 @@ impl<'l> Checker<'l> {
     }
 
     /// Compares the columns with the entries, block by block.
-    fn compare(
-        &mut self,
-        columns: &[Option<Column>],
-        errors: &[f64],
-        outputs: &Outputs,
-        codes: &[u8],
-        near_kink: bool,
-    ) {
+    fn compare(&mut self, columns: &[Option<Column>], errors: &[f64], outputs: &Outputs, codes: &[u8], drawn: Drawn) {
         let (found, sizes) = self.pairs(columns, errors, outputs);
         for pair in found {
             let size = sizes.get(&pair.key).copied().unwrap_or(0.0);
@@ -512,7 +512,7 @@ impl<'l> Checker<'l> {
                     difference: pair.difference.hi(),
                     tangent: pair.plain,
                     codes: codes.to_vec(),
-                    near_kink,
+                    near_kink: drawn == Drawn::NearKink,
                 });
             }
         }

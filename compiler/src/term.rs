@@ -27,7 +27,7 @@ use crate::{
     sign::radius_warnings,
     summands,
     symmetry::is_symmetric,
-    types::{BasisSlot, FieldId, FieldOp, FieldSig, InputSlot, PlaceSig, Shape, Side, UniformSlot},
+    types::{BasisSlot, FieldId, FieldOp, FieldSig, InputSlot, Moves, PlaceSig, Shape, Side, UniformSlot},
 };
 
 /// What is compiled.
@@ -294,7 +294,7 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
     let slots: Vec<InputSlot> = by_position(&lowering.slots.inputs);
     let uniform_slots: Vec<UniformSlot> = by_position(&lowering.slots.uniforms);
     let changes = changes(env.fields, &lowering, &slots);
-    let class = class_of(&changes, &fluxes, &pairs, !kinks.is_empty());
+    let class = class_of(&changes, &fluxes, &pairs, &kinks);
     let tangent_has = |what: fn(&Changes) -> bool| pairs.values().any(|v| what(&changes[v.index()]));
 
     let sizes = summand_sizes(env.fields, &tests, class, &mut lowering.scalars, &changes, &fluxes);
@@ -363,9 +363,9 @@ fn summand_sizes(
 }
 
 /// How a term with these fluxes and entries depends on the unknowns.
-fn class_of(changes: &[Changes], fluxes: &[Val], entries: &BTreeMap<(u16, u16), Val>, has_kinks: bool) -> Class {
+fn class_of(changes: &[Changes], fluxes: &[Val], entries: &BTreeMap<(u16, u16), Val>, kinks: &[Kink]) -> Class {
     let moves = |v: &Val| changes[v.index()].unknown;
-    if has_kinks {
+    if !kinks.is_empty() {
         // also where no entry moves: a law that jumps from one affine form to another is not affine
         Class::Kinked
     } else if entries.values().any(moves) {
@@ -431,8 +431,9 @@ struct Changes {
     uniforms: bool,
 }
 
-/// What a number that a law reads changes with; `moves` where images follow the unknowns.
-fn changes_of(fields: &[FieldSig], slot: InputSlot, moves: bool) -> Changes {
+/// What a number that a law reads changes with; `moves` says how images follow the unknowns, where they do.
+fn changes_of(fields: &[FieldSig], slot: InputSlot, moves: Option<Moves>) -> Changes {
+    let moves = moves.is_some();
     let at_image = |side: Side| moves && side == Side::There;
     match slot {
         InputSlot::Field(b) if fields[b.field.index()].is_unknown() => Changes { unknown: true, ..Changes::default() },
@@ -451,7 +452,7 @@ fn changes_of(fields: &[FieldSig], slot: InputSlot, moves: bool) -> Changes {
 
 /// For each scalar what it changes with.
 fn changes(fields: &[FieldSig], lowering: &Lowering<'_>, slots: &[InputSlot]) -> Vec<Changes> {
-    let (scalars, moves) = (&lowering.scalars, lowering.moves().is_some());
+    let (scalars, moves) = (&lowering.scalars, lowering.moves());
     let mut out: Vec<Changes> = Vec::with_capacity(scalars.insts.len());
     for inst in &scalars.insts {
         let mut c = match inst {

@@ -460,6 +460,6 @@ pub fn run_expression(text: &str, choice: usize) {
 fn show(diagnostics: &[Diagnostic], sources: &SourceMap) {
     for d in diagnostics {
         assert!(wfl::explain(d.code.as_str()).is_some(), "{} has no page", d.code);
-        assert!(render(d, sources, false).contains(d.code.as_str()), "{d:?}");
+        assert!(render(d, sources).contains(d.code.as_str()), "{d:?}");
     }
 }

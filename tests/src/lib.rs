@@ -1,6 +1,7 @@
 //! Scenes as text, solved through the library: what the suites share.
 
 pub mod blocks;
+pub mod constants;
 pub mod corpus;
 pub mod driven;
 pub mod fuzz;
@@ -155,7 +156,7 @@ pub fn script_and_messages(
 }
 
 fn told(diagnostics: &[Diagnostic], sources: &SourceMap) -> String {
-    diagnostics.iter().map(|d| render(d, sources, false)).collect::<Vec<_>>().join("\n")
+    diagnostics.iter().map(|d| render(d, sources)).collect::<Vec<_>>().join("\n")
 }
 
 /// Reads and prepares a scene; the messages tell of errors and warnings.

@@ -11,7 +11,7 @@ use wfl_runtime::{
     csr::Csr,
     mesh::Part,
     prepare, prepare_part, run,
-    solve::{CheckedLu, Engine, Equations, Library, LinearSolver, Linked, SolveError, SolverOptions, Traits},
+    solve::{CheckedLu, Engine, Equations, Library, LinearSolver, Linked, SolveError, SolverOptions, Symmetry, Traits},
     team::{Alone, Team, in_threads},
 };
 
@@ -147,7 +147,7 @@ impl Library for Gathered {
         "a factor of all rows on each rank".to_owned()
     }
 
-    fn engine(&self, equations: &Arc<Equations>, _is_symmetric: bool) -> Result<Box<dyn Engine + Send>, SolveError> {
+    fn engine(&self, equations: &Arc<Equations>, _: Symmetry) -> Result<Box<dyn Engine + Send>, SolveError> {
         Ok(Box::new(Factor { equations: Arc::clone(equations), lu: None }))
     }
 }

@@ -34,7 +34,7 @@ pub fn format(sources: &SourceMap, id: SourceId) -> Checked<String> {
     for (i, line) in lines.iter().enumerate() {
         let next = lines[i + 1..].iter().find(|l| !l.tokens.is_empty());
         let inside = i > 0 && next.is_some_and(|n| !n.starts_statement) && printer.state.open;
-        printer.line(line, inside);
+        printer.line(line, if inside { Place::InStatement } else { Place::BetweenStatements });
     }
     Checked { value: Some(printer.out), diagnostics: parsed.diagnostics }
 }
@@ -145,10 +145,29 @@ struct Printer {
     blank: bool,
 }
 
+/// Where a line without words stands.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    InStatement,
+    BetweenStatements,
+}
+
+/// What a sign does that has several uses.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Role {
+    /// Ends what a statement declares.
+    Separator,
+    /// Adds or subtracts.
+    Sum,
+    /// Belongs to the value behind it.
+    Sign,
+    Other,
+}
+
 impl Printer {
-    fn line(&mut self, line: &Line<'_>, inside: bool) {
+    fn line(&mut self, line: &Line<'_>, place: Place) {
         if line.tokens.is_empty() && line.comment.is_none() {
-            self.blank = !inside;
+            self.blank = place == Place::BetweenStatements;
             return;
         }
         if self.blank && !self.out.is_empty() {
@@ -156,7 +175,7 @@ impl Printer {
         }
         self.blank = false;
         if line.tokens.is_empty() {
-            self.out.push_str(if inside { INDENT } else { "" });
+            self.out.push_str(if place == Place::InStatement { INDENT } else { "" });
         } else if line.starts_statement {
             let word = line.tokens[0].text;
             let separates = ["term", "energy", "unknown", "multiplier", "data", "state", "output"].contains(&word);
@@ -180,19 +199,22 @@ impl Printer {
     fn token(&mut self, Token { text: token, gap }: Token<'_>, next: Option<Token<'_>>) {
         let after = next.map_or("", |n| n.text);
         let s = &mut self.state;
-        let separator = token == ":" && s.brackets.is_empty() && s.colon_separates;
-        let sign = matches!(token, "-" | "+");
-        let unary = sign && !s.ends_operand();
+        let role = match token {
+            ":" if s.brackets.is_empty() && s.colon_separates => Role::Separator,
+            "-" | "+" if s.ends_operand() => Role::Sum,
+            "-" | "+" => Role::Sign,
+            _ => Role::Other,
+        };
         if let Some(inside) = s.brackets.last_mut() {
             // a break of the line is a space
             let spaced = |gap: Option<usize>| gap.is_none_or(|g| g > 0);
             if s.previous == "," || s.previous == ";" {
                 inside.comma.get_or_insert(spaced(gap));
-            } else if sign && !unary {
+            } else if role == Role::Sum {
                 inside.sum.get_or_insert(spaced(gap) && spaced(next.and_then(|n| n.gap)));
             }
         }
-        let set_off = gap.is_some() && s.space_before(token, separator, unary, after);
+        let set_off = gap.is_some() && s.space_before(token, role, after);
         if set_off {
             let aligned = if s.brackets.is_empty() { gap.unwrap_or(1).max(1) } else { 1 };
             self.out.extend(std::iter::repeat_n(' ', aligned));
@@ -206,10 +228,10 @@ impl Printer {
             "with" if s.brackets.is_empty() => s.in_options = true,
             _ => {}
         }
-        s.sum = sign && !unary;
-        s.colon_separates &= !separator;
-        s.separator = separator;
-        s.unary = unary;
+        s.sum = role == Role::Sum;
+        s.colon_separates &= role != Role::Separator;
+        s.separator = role == Role::Separator;
+        s.unary = role == Role::Sign;
         s.set_off = set_off;
         s.previous.clear();
         s.previous.push_str(token);
@@ -237,7 +259,7 @@ impl State {
             || word == "point"
     }
 
-    fn space_before(&self, token: &str, separator: bool, unary: bool, after: &str) -> bool {
+    fn space_before(&self, token: &str, role: Role, after: &str) -> bool {
         let p = self.previous.as_str();
         if matches!(p, "(" | "[" | "{") || matches!(token, ")" | "]" | "}" | "," | ";" | "'") || self.unary {
             return false;
@@ -246,10 +268,10 @@ impl State {
         if matches!(p, "," | ";") {
             return inside.comma.unwrap_or(true);
         }
-        if self.sum || matches!(token, "-" | "+") && !unary {
+        if self.sum || role == Role::Sum {
             return inside.sum.unwrap_or(true);
         }
-        if separator || self.separator {
+        if role == Role::Separator || self.separator {
             return true;
         }
         let in_option = |sign: &str| sign == "=" && self.in_options && self.brackets.is_empty();

@@ -9,7 +9,7 @@
 //! let text = "mesh box [0,0] to [1,1] cells [8,8] quad\nunknown u : scalar\nterm on all : Grad_u.Grad_Test_u - x**2*Test_u\n";
 //! let main = sources.add("poisson.wfl", text);
 //! let checked = wfl::resolve(&mut sources, main, &mut wfl::NoFiles, &[]);
-//! let message = wfl::render(&checked.diagnostics[0], &sources, false);
+//! let message = wfl::render(&checked.diagnostics[0], &sources);
 //! assert!(message.starts_with("error[E107]: `**` is not an operator\n --> poisson.wfl:3:37"));
 //! ```
 #![forbid(unsafe_code)]
@@ -56,7 +56,7 @@ pub use macros::{EXPANDED_NESTING_LIMIT, EXPANSION_LIMIT, Expander};
 pub use parse::{NESTING_LIMIT, TEXT_LIMIT, parse, parse_expr, parse_gwfl, statement_ranges};
 pub use quote::{line_of, quote, quote_without_tests, unquoted};
 pub use reference::{Phrase, StatementRow, phrases, statement_page, statement_rows, statement_table, word_meaning};
-pub use render::{at_expr, render, visible};
+pub use render::{at_expr, render, render_coloured, visible};
 pub use resolve::{FORMATS, LIBRARY, Loader, NoFiles, OPTIONS, Override, SCHEMES, SOLVERS, Unloaded, resolve};
 pub use script::{
     Balance, Computed, Condition, DataValue, Derivative, Event, Expect, Field, FieldKind, Gradient, MacroInfo, Mapping,

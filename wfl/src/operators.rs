@@ -93,19 +93,19 @@ macro_rules! operators {
             call "Trace" (1, 1, "Trace(M)") "sum of the diagonal"
                 Keep, ["Trace(Grad_u)"]
                 |b, c| {
-                    let m = b.square_argument(c, 0, true)?;
+                    let m = b.linear_square_argument(c, 0)?;
                     Some(b.graph.trace(m, 0, 1))
                 };
             call "Deviator" (1, 1, "Deviator(M)") "M - Trace(M)/n Id"
                 Keep, ["Deviator(Grad_u):B"]
                 |b, c| {
-                    let m = b.square_argument(c, 0, true)?;
+                    let m = b.linear_square_argument(c, 0)?;
                     Some(deviator(&mut b.graph, m))
                 };
             call "Sym" (1, 1, "Sym(M)") "(M + M')/2"
                 Keep, ["Sym(Grad_u):B"]
                 |b, c| {
-                    let m = b.square_argument(c, 0, true)?;
+                    let m = b.linear_square_argument(c, 0)?;
                     Some(symmetric(&mut b.graph, m))
                 };
             call "Skew" (1, 1, "Skew(M)") "(M - M')/2"
@@ -154,7 +154,7 @@ macro_rules! operators {
             call "Matrix_i2" (1, 1, "Matrix_i2(M)") "second invariant (Trace(M)^2 - Trace(M*M))/2"
                 Power(Ratio::whole(2)), ["Matrix_i2(A)"]
                 |b, c| {
-                    let m = b.square_argument(c, 0, false)?;
+                    let m = b.square_argument(c, 0)?;
                     Some(second_invariant(&mut b.graph, m))
                 };
             call "Matrix_j1" (1, 1, "Matrix_j1(M)") "Trace(M) Det(M)^(-1/3)"

@@ -142,7 +142,7 @@ fn run(rule: Rule, masked: &str, base: usize, id: SourceId) -> Parsed<Pair<'_>> 
     pest::set_call_limit(std::num::NonZeroUsize::new(CALL_LIMIT));
     match Grammar::parse(rule, masked) {
         Ok(mut pairs) => Ok(pairs.next().expect("a successful parse gives the pair of its rule")),
-        Err(e) => Err(Box::new(slip::explain(&e, masked, base, id, rule == Rule::statement))),
+        Err(e) => Err(Box::new(slip::explain(&e, masked, base, id, rule))),
     }
 }
 

@@ -17,9 +17,19 @@ use crate::{
 /// A longer mark says nothing more and would fill the screen.
 const LONGEST_MARK: usize = 4000;
 
-/// The text of a diagnostic, ending with a line feed. `color` adds terminal colours.
+/// The text of a diagnostic, ending with a line feed.
 #[must_use]
-pub fn render(diagnostic: &Diagnostic, sources: &SourceMap, color: bool) -> String {
+pub fn render(diagnostic: &Diagnostic, sources: &SourceMap) -> String {
+    rendered(Renderer::plain(), diagnostic, sources)
+}
+
+/// The same with the colours of a terminal.
+#[must_use]
+pub fn render_coloured(diagnostic: &Diagnostic, sources: &SourceMap) -> String {
+    rendered(Renderer::styled(), diagnostic, sources)
+}
+
+fn rendered(renderer: Renderer, diagnostic: &Diagnostic, sources: &SourceMap) -> String {
     let level = if diagnostic.is_error() { Level::ERROR } else { Level::WARNING };
     let title = level.primary_title(visible(&unquoted(&diagnostic.message, sources))).id(diagnostic.code.as_str());
     let mut group = Group::with_title(title);
@@ -45,7 +55,6 @@ pub fn render(diagnostic: &Diagnostic, sources: &SourceMap, color: bool) -> Stri
     for help in &diagnostic.helps {
         group = group.element(Level::HELP.message(visible(&unquoted(help, sources))));
     }
-    let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     let mut text = renderer.render(&[group]);
     text.push('\n');
     text
@@ -142,8 +151,8 @@ error[E107]: `**` is not an operator
   |
   = help: x^2, or sqr(x)
 ";
-        assert_eq!(render(&d, &sources, false), expected);
-        assert!(render(&d, &sources, true).contains("\u{1b}["));
+        assert_eq!(render(&d, &sources), expected);
+        assert!(render_coloured(&d, &sources).contains("\u{1b}["));
     }
 
     #[test]
@@ -153,13 +162,13 @@ error[E107]: `**` is not an operator
         for start in 0..n + 3 {
             for end in [0, start, start + 1, start + 2, start + 7, n - 1, n, n + 1, u32::MAX] {
                 let (d, sources) = example(text, (start, end));
-                assert!(render(&d, &sources, false).contains("E107"));
+                assert!(render(&d, &sources).contains("E107"));
             }
         }
         for text in ["", "\n", "\r\n", "é"] {
             for start in 0..4 {
                 let (d, sources) = example(text, (start, u32::MAX));
-                assert!(render(&d, &sources, false).contains("E107"));
+                assert!(render(&d, &sources).contains("E107"));
             }
         }
     }
@@ -168,14 +177,14 @@ error[E107]: `**` is not an operator
     fn labels_of_unknown_texts_are_left_out() {
         let (d, sources) = example("a\n", (0, 1));
         let d = d.at(Span { source: SourceId::new(7), start: 0, end: 1 }, "nowhere");
-        assert!(!render(&d, &sources, false).contains("nowhere"));
+        assert!(!render(&d, &sources).contains("nowhere"));
     }
 
     #[test]
     fn places_in_two_files_are_both_shown() {
         let (d, mut sources) = example("term a on all : f(u)\n", (16, 20));
         let library = sources.add("laws.wfl", "def f(v) = v**2\n");
-        let text = render(&d.at(Span { source: library, start: 12, end: 14 }, "here"), &sources, false);
+        let text = render(&d.at(Span { source: library, start: 12, end: 14 }, "here"), &sources);
         assert!(text.contains("scene.wfl:1:17") && text.contains("laws.wfl:1:13"), "{text}");
     }
 }

@@ -30,7 +30,7 @@ use crate::{
     walk::{cond_children, each_name as names_of},
     words::{REGIONS, split_prefixes},
 };
-use include::Includes;
+use include::{Includes, Origin};
 pub use include::{LIBRARY, Loader, NoFiles, Unloaded};
 use names::{Kind, Names};
 
@@ -55,6 +55,14 @@ pub const OPTIONS: &[(&str, &[&str])] = &[
     ("output", &["points"]),
 ];
 
+/// What may stand where a place is named.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Allowed {
+    Regions,
+    /// Also `global`: what needs no place.
+    RegionsAndGlobal,
+}
+
 /// Formats of `output`.
 pub const FORMATS: &[&str] = &["vtk", "csv"];
 
@@ -74,7 +82,7 @@ pub fn resolve(
     overrides: &[Override],
 ) -> Checked<ResolvedScript> {
     let mut includes = Includes::new(sources, &mut *loader);
-    includes.read(main, false);
+    includes.read(main, Origin::Scene);
     let (items, mut diagnostics, lost) = includes.finish();
     let complete = !diagnostics.iter().any(Diagnostic::is_error);
     let names = Names::collect(&items, &mut diagnostics);
@@ -316,7 +324,7 @@ impl<'d> Resolver<'d> {
             }
         }
         let value = self.expr(value);
-        let places = self.places(places, false);
+        let places = self.places(places, Allowed::Regions);
         complete?;
         Some(Condition { targets: resolved, value: value?, places: places?, span })
     }
@@ -344,21 +352,21 @@ impl<'d> Resolver<'d> {
         all
     }
 
-    fn places(&mut self, places: &[Ident], global: bool) -> Option<Vec<Ident>> {
+    fn places(&mut self, places: &[Ident], allowed: Allowed) -> Option<Vec<Ident>> {
         for (k, place) in places.iter().enumerate() {
             if let Some(first) = places[..k].iter().find(|p| p.name == place.name) {
                 let d = Diagnostic::new(Code::E218, format!("`{}` is named twice in this list of regions", place.name));
                 self.diagnostics.push(d.at(place.span, "it would count twice").at(first.span, "first named here"));
             }
         }
-        let found: Vec<_> = places.iter().map(|p| self.place(p, global)).collect();
+        let found: Vec<_> = places.iter().map(|p| self.place(p, allowed)).collect();
         found.into_iter().collect()
     }
 
-    /// A region by name; `global` only where there may be no place.
-    fn place(&mut self, name: &Ident, global: bool) -> Option<Ident> {
+    /// A region by name, or `global`.
+    fn place(&mut self, name: &Ident, allowed: Allowed) -> Option<Ident> {
         self.regions.insert(name.name.clone());
-        if name.name == "global" && !global {
+        if name.name == "global" && allowed == Allowed::Regions {
             let d = Diagnostic::new(Code::E212, "`global` is no region; only terms and measures can stand on it");
             self.diagnostics.push(d.at(name.span, ""));
             return None;

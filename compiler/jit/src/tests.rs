@@ -205,17 +205,15 @@ fn bits(x: f64) -> u64 {
     if x.is_nan() { f64::NAN.to_bits() } else { x.to_bits() }
 }
 
-/// Runs both on the same numbers and compares every output.
-fn compare(kernels: &[VerifiedKernel], jit: &JitBackend, random: &mut Random, extreme: bool) {
+/// Runs both on the same random numbers and compares every output.
+fn compare(kernels: &[VerifiedKernel], jit: &JitBackend, random: &mut Random, number: fn(&mut Random) -> f64) {
     let (mut n_outputs, mut n_numbers) = (0, 0);
     let list: Vec<&VerifiedKernel> = kernels.iter().collect();
     let compiled = jit.compile(&list).unwrap();
     let reference = InterpreterBackend.compile(&list).unwrap();
     for (kernel, (code, reference)) in kernels.iter().zip(compiled.iter().zip(&reference)) {
         let k = kernel.kernel();
-        let mut draw = |n: usize| -> Vec<f64> {
-            (0..n).map(|_| if extreme { random.extreme() } else { random.ordinary() }).collect()
-        };
+        let mut draw = |n: usize| -> Vec<f64> { (0..n).map(|_| number(random)).collect() };
         let n_blocks = 2;
         let (uniforms, inputs) = (draw(3), draw(n_blocks * k.n_inputs * LANES));
         let mut outputs =
@@ -252,8 +250,8 @@ fn machine_code_gives_the_bits_of_the_interpreter() {
     for width in [Width::Pair, Width::One] {
         let kernels = random_kernels(&mut random, 60);
         for _ in 0..4 {
-            compare(&kernels, &backend(width, &[]), &mut random, false);
-            compare(&kernels, &backend(width, &[]), &mut random, true);
+            compare(&kernels, &backend(width, &[]), &mut random, Random::ordinary);
+            compare(&kernels, &backend(width, &[]), &mut random, Random::extreme);
         }
     }
 }
@@ -263,7 +261,7 @@ fn optimised_code_gives_the_same_bits() {
     let mut random = Random(8);
     let kernels = random_kernels(&mut random, 40);
     for settings in [("opt_level", "speed"), ("regalloc_algorithm", "single_pass")] {
-        compare(&kernels, &backend(Width::Pair, &[settings]), &mut random, true);
+        compare(&kernels, &backend(Width::Pair, &[settings]), &mut random, Random::extreme);
     }
 }
 
@@ -288,7 +286,7 @@ fn every_function_and_comparison_on_every_pair_of_extreme_values() {
     let mut random = Random(3);
     for _ in 0..60 {
         for width in [Width::Pair, Width::One] {
-            compare(&kernel, &backend(width, &[]), &mut random, true);
+            compare(&kernel, &backend(width, &[]), &mut random, Random::extreme);
         }
     }
 }
@@ -299,7 +297,7 @@ fn large_kernels_are_compiled_and_right() {
     let kernel = random_kernel(&mut random, 3000, 40, 200, Mix { calls: 2, matrices: 1, window: 200 });
     // Beyond LARGE_KERNEL registers are given out in one pass.
     let larger = random_kernel(&mut random, 10_500, 40, 200, Mix { calls: 1, matrices: 0, window: 100 });
-    compare(&[kernel, larger], &JitBackend::new().unwrap(), &mut random, false);
+    compare(&[kernel, larger], &JitBackend::new().unwrap(), &mut random, Random::ordinary);
 }
 
 #[test]

@@ -11,6 +11,13 @@ use crate::{
     graph::{ExprId, Graph},
 };
 
+/// Which of several conditions have to hold.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Joint {
+    All,
+    One,
+}
+
 impl Builder<'_> {
     /// The mask of a condition.
     pub fn condition(&mut self, c: &Cond) -> Option<ExprId> {
@@ -26,8 +33,8 @@ impl Builder<'_> {
                 }
                 self.joined(&all, Graph::and)
             }
-            CondKind::And(parts) => self.join(parts, Graph::and, false),
-            CondKind::Or(parts) => self.join(parts, Graph::or, true),
+            CondKind::And(parts) => self.join(parts, Joint::All),
+            CondKind::Or(parts) => self.join(parts, Joint::One),
             CondKind::Not(a) => {
                 let a = self.condition(a)?;
                 Some(self.graph.not(a))
@@ -35,8 +42,10 @@ impl Builder<'_> {
         }
     }
 
-    /// Conditions joined; `decides` is the value of one that makes the others say nothing.
-    fn join(&mut self, parts: &[Cond], f: fn(&mut Graph, ExprId, ExprId) -> ExprId, decides: bool) -> Option<ExprId> {
+    /// Conditions joined.
+    fn join(&mut self, parts: &[Cond], joint: Joint) -> Option<ExprId> {
+        // behind a condition with this value the others say nothing
+        let decides = joint == Joint::One;
         let before = self.dead;
         let mut built = Vec::with_capacity(parts.len());
         for part in parts {
@@ -47,7 +56,7 @@ impl Builder<'_> {
         }
         self.dead = before;
         let built: Vec<ExprId> = built.into_iter().collect::<Option<_>>()?;
-        self.joined(&built, f)
+        self.joined(&built, if joint == Joint::All { Graph::and } else { Graph::or })
     }
 
     /// Masks joined in parts, so that a long list is not deep.

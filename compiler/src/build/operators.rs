@@ -25,10 +25,10 @@ impl Builder<'_> {
         let built: Vec<Option<ExprId>> = parts.iter().map(|(_, p)| self.expr(p)).collect();
         // a long sum is one of parts: as a single chain it would be as deep as it is long
         let (mut done, mut total, mut count) = (None, None, 0);
-        for (k, ((minus, part), value)) in parts.iter().zip(built).enumerate() {
+        for (k, ((minus, _), value)) in parts.iter().zip(built).enumerate() {
             let value = value?;
             let value = match total.or(done) {
-                Some(sum) => self.summand(e, sum, value, *minus, part, &parts[k - 1].1)?,
+                Some(sum) => self.summand(e, sum, value, &parts[k - 1..=k])?,
                 None => value,
             };
             total = Some(match (total, minus) {
@@ -53,16 +53,11 @@ impl Builder<'_> {
         }
     }
 
-    /// Checks that `value` may be added to `sum`; returns it with the shape of `sum`.
-    fn summand(
-        &mut self,
-        e: &Expr,
-        sum: ExprId,
-        value: ExprId,
-        minus: bool,
-        part: &Expr,
-        before: &Expr,
-    ) -> Option<ExprId> {
+    /// Checks that `value` may be added to `sum`; returns it with the shape of `sum`. `parts` are the last summand of `sum`
+    /// and the one with this value.
+    fn summand(&mut self, e: &Expr, sum: ExprId, value: ExprId, parts: &[(bool, Expr)]) -> Option<ExprId> {
+        let [(_, before), (minus, part)] = parts else { return None };
+        let minus = *minus;
         let (a, b) = (self.graph.shape(sum), self.graph.shape(value));
         let word = if minus { "subtract" } else { "add" };
         let one_number = a.is_scalar_like() && b.is_scalar_like();

@@ -21,13 +21,13 @@ impl Graph {
         let overflows = |x: f64| x.is_finite() && !MathFn1::Exp.eval(x).is_finite();
         if f == Function1::Math(MathFn1::Exp) && self.scalar_constant(a).is_some_and(overflows) {
             // it may be a factor in such a product; elsewhere the number is infinite when it is lowered
-            return self.intern(Node::Map(f, a), self.shape(a), false, self.arity(a), self.depends(a));
+            return self.intern(Node::Map(f, a), self.shape(a), self.arity(a), self.depends(a));
         }
         let folded = self.fold1(a, |x| match f {
             Function1::Sqrt => x.sqrt(),
             Function1::Math(f) => f.eval(x),
         });
-        folded.unwrap_or_else(|| self.intern(Node::Map(f, a), self.shape(a), false, self.arity(a), self.depends(a)))
+        folded.unwrap_or_else(|| self.intern(Node::Map(f, a), self.shape(a), self.arity(a), self.depends(a)))
     }
 
     /// A reading of a column of a table at a scalar. A number outside its rows stays a node: its value is not a number.
@@ -38,7 +38,7 @@ impl Graph {
             Some(y) => self.number(y),
             None => {
                 let (arity, depends) = (self.arity(a), self.depends(a));
-                self.intern(Node::Lookup(curve.clone(), reading, a), Shape::SCALAR, false, arity, depends)
+                self.intern(Node::Lookup(curve.clone(), reading, a), Shape::SCALAR, arity, depends)
             }
         }
     }
@@ -77,31 +77,31 @@ impl Graph {
             return e;
         }
         let (arity, depends) = self.join2(a, b);
-        self.intern(Node::Map2(f, a, b), self.shape(a), false, arity, depends)
+        self.intern(Node::Map2(f, a, b), self.shape(a), arity, depends)
     }
 
     /// Mask, entry by entry, equal shapes.
     pub fn compare(&mut self, op: Compare, a: ExprId, b: ExprId) -> ExprId {
         assert_eq!(self.shape(a), self.shape(b));
         let (arity, depends) = self.join2(a, b);
-        self.intern(Node::Compare(op, a, b), self.shape(a), true, arity, depends)
+        self.intern(Node::Compare(op, a, b), self.shape(a), arity, depends)
     }
 
     /// Mask: both.
     pub fn and(&mut self, a: ExprId, b: ExprId) -> ExprId {
         let (arity, depends) = self.join2(a, b);
-        self.intern(Node::And(a, b), self.shape(a), true, arity, depends)
+        self.intern(Node::And(a, b), self.shape(a), arity, depends)
     }
 
     /// Mask: either.
     pub fn or(&mut self, a: ExprId, b: ExprId) -> ExprId {
         let (arity, depends) = self.join2(a, b);
-        self.intern(Node::Or(a, b), self.shape(a), true, arity, depends)
+        self.intern(Node::Or(a, b), self.shape(a), arity, depends)
     }
 
     /// Mask: not.
     pub fn not(&mut self, a: ExprId) -> ExprId {
-        self.intern(Node::Not(a), self.shape(a), true, self.arity(a), self.depends(a))
+        self.intern(Node::Not(a), self.shape(a), self.arity(a), self.depends(a))
     }
 
     /// The value of a mask that constants decide.
@@ -147,11 +147,11 @@ impl Graph {
         }
         let (arity, depends) = self.join2(a, b);
         let depends = depends.join(self.depends(mask));
-        self.intern(Node::Select(mask, a, b), self.shape(a), false, arity, depends)
+        self.intern(Node::Select(mask, a, b), self.shape(a), arity, depends)
     }
 
     fn unary(&mut self, node: Node, a: ExprId, shape: Shape) -> ExprId {
-        self.intern(node, shape, false, self.arity(a), self.depends(a))
+        self.intern(node, shape, self.arity(a), self.depends(a))
     }
 
     /// Euclidean norm of all entries.
@@ -183,19 +183,19 @@ impl Graph {
             return self.zero(self.shape(v));
         }
         let (arity, depends) = self.join2(v, r);
-        self.intern(Node::Ball(v, r), self.shape(v), false, arity, depends)
+        self.intern(Node::Ball(v, r), self.shape(v), arity, depends)
     }
 
     /// Mask: norm of v at most r.
     pub fn in_ball(&mut self, v: ExprId, r: ExprId) -> ExprId {
         let (arity, depends) = self.join2(v, r);
-        self.intern(Node::InBall(v, r), Shape::SCALAR, true, arity, depends)
+        self.intern(Node::InBall(v, r), Shape::SCALAR, arity, depends)
     }
 
     /// min(r over norm of v, 1), 0 where v is 0.
     pub fn ball_ratio(&mut self, v: ExprId, r: ExprId) -> ExprId {
         let (arity, depends) = self.join2(v, r);
-        self.intern(Node::BallRatio(v, r), Shape::SCALAR, false, arity, depends)
+        self.intern(Node::BallRatio(v, r), Shape::SCALAR, arity, depends)
     }
 
     /// Determinant of a square matrix.

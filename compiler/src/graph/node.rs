@@ -147,6 +147,11 @@ pub enum Node {
 }
 
 impl Node {
+    /// Whether its entries are true or false.
+    pub(crate) fn is_mask(&self) -> bool {
+        matches!(self, Node::Compare(..) | Node::And(..) | Node::Or(..) | Node::Not(_) | Node::InBall(..))
+    }
+
     /// Calls `f` on every operand of a node.
     pub(crate) fn for_each_operand(&self, mut f: impl FnMut(ExprId)) {
         match self {

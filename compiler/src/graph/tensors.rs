@@ -37,7 +37,7 @@ impl Graph {
             .iter()
             .map(|&(i, j)| (u8::try_from(i).expect("rank is small"), u8::try_from(j).expect("rank is small")))
             .collect();
-        self.intern(Node::Contract(a, b, axes), shape, false, arity, depends)
+        self.intern(Node::Contract(a, b, axes), shape, arity, depends)
     }
 
     /// Full contraction of two tensors of one shape: the scalar product.
@@ -67,7 +67,7 @@ impl Graph {
             return self.constant(shape, &out);
         }
         let node = Node::Trace(a, u8::try_from(i).expect("rank is small"), u8::try_from(j).expect("rank is small"));
-        self.intern(node, shape, false, self.arity(a), self.depends(a))
+        self.intern(node, shape, self.arity(a), self.depends(a))
     }
 
     /// Index k of the result is index `perm[k]` of `a`.
@@ -95,7 +95,7 @@ impl Graph {
             return self.permute(inner, &joined);
         }
         let perm = perm.iter().map(|p| u8::try_from(*p).expect("rank is small")).collect();
-        self.intern(Node::Permute(a, perm), shape, false, self.arity(a), self.depends(a))
+        self.intern(Node::Permute(a, perm), shape, self.arity(a), self.depends(a))
     }
 
     /// Transposed matrix.
@@ -115,7 +115,7 @@ impl Graph {
         if let Node::Reshape(inner) = *self.node(a) {
             return self.reshape(inner, shape);
         }
-        self.intern(Node::Reshape(a), shape, false, self.arity(a), self.depends(a))
+        self.intern(Node::Reshape(a), shape, self.arity(a), self.depends(a))
     }
 
     /// A tensor with one entry as a scalar.
@@ -139,7 +139,7 @@ impl Graph {
             return parts[picked_position(s, shape, fixed, 0)];
         }
         let fixed = fixed.iter().map(|f| f.map(|i| u16::try_from(i).expect("sizes are small"))).collect();
-        self.intern(Node::Pick(a, fixed), shape, false, self.arity(a), self.depends(a))
+        self.intern(Node::Pick(a, fixed), shape, self.arity(a), self.depends(a))
     }
 
     /// Entry `position` (first index fastest) as a scalar.
@@ -164,7 +164,7 @@ impl Graph {
             arity = arity.both(self.arity(*p));
             depends = depends.join(self.depends(*p));
         }
-        self.intern(Node::Stack(parts.to_vec()), shape, false, arity, depends)
+        self.intern(Node::Stack(parts.to_vec()), shape, arity, depends)
     }
 }
 

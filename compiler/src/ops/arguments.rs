@@ -52,9 +52,20 @@ impl Builder<'_> {
         self.bad_argument(call, k, text, "a scalar", shape)
     }
 
-    /// Argument `k`, a square matrix; test functions are allowed when `linear`.
-    pub(crate) fn square_argument(&mut self, call: &Call<'_>, k: usize, linear: bool) -> Option<ExprId> {
-        let (text, value) = if linear { self.argument(call, k)? } else { self.plain_argument(call, k)? };
+    /// Argument `k`, a square matrix without test functions.
+    pub(crate) fn square_argument(&mut self, call: &Call<'_>, k: usize) -> Option<ExprId> {
+        let argument = self.plain_argument(call, k)?;
+        self.square(call, k, argument)
+    }
+
+    /// Argument `k` of a linear operator, a square matrix with or without test functions.
+    pub(crate) fn linear_square_argument(&mut self, call: &Call<'_>, k: usize) -> Option<ExprId> {
+        let argument = self.argument(call, k)?;
+        self.square(call, k, argument)
+    }
+
+    fn square(&mut self, call: &Call<'_>, k: usize, argument: (&Expr, ExprId)) -> Option<ExprId> {
+        let (text, value) = argument;
         let shape = self.graph.shape(value);
         if shape.rank() == 2 && shape.size(0) == shape.size(1) {
             return Some(value);
@@ -67,7 +78,7 @@ impl Builder<'_> {
 
     /// A square matrix whose determinant is written out: its cost grows with the factorial of the size.
     pub(crate) fn small_matrix(&mut self, call: &Call<'_>) -> Option<ExprId> {
-        let value = self.square_argument(call, 0, false)?;
+        let value = self.square_argument(call, 0)?;
         let shape = self.graph.shape(value);
         if shape.size(0) <= LARGEST_DETERMINANT {
             return Some(value);

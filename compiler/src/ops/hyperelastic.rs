@@ -55,7 +55,7 @@ pub(super) fn cauchy_green(
     c: &Call<'_>,
     f: fn(&mut Graph, ExprId, ExprId) -> ExprId,
 ) -> Option<ExprId> {
-    let m = b.square_argument(c, 0, false)?;
+    let m = b.square_argument(c, 0)?;
     let t = b.graph.transpose(m);
     Some(f(&mut b.graph, m, t))
 }
@@ -70,7 +70,7 @@ pub(super) fn green_lagrangian(g: &mut Graph, f: ExprId, t: ExprId) -> ExprId {
 
 pub(super) fn cauchy_stress(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let stress = b.small_matrix(c);
-    let grad = b.square_argument(c, 1, false);
+    let grad = b.square_argument(c, 1);
     let (stress, grad) = (stress?, grad?);
     let (found, needed) = (b.graph.shape(grad), b.graph.shape(stress));
     if found != needed {
@@ -92,29 +92,40 @@ fn deformation(g: &mut Graph, grad: ExprId) -> ExprId {
     g.add(id, grad)
 }
 
+/// Which strains a law sees.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Strain {
+    /// Those of the space of the scene.
+    Full,
+    /// In-plane ones, of a body that does not stretch across the plane.
+    Plane,
+}
+
 pub(super) fn law_of_gradient(
     b: &mut Builder<'_>,
     c: &Call<'_>,
     law: Law,
     count: usize,
     wanted: Wanted,
-    plane: bool,
+    strain: Strain,
 ) -> Option<ExprId> {
     let grad = b.small_matrix(c);
     let parameters = parameters(b, c, count);
     let (grad, parameters) = (grad?, parameters?);
     let shape = b.graph.shape(grad);
     let size = match law {
-        _ if plane => 2,
+        _ if strain == Strain::Plane => 2,
         Law::Invariants { three_d: true, .. } => 3,
         _ => shape.size(0),
     };
     if shape.size(0) != size {
         let text = b.argument_text(c, 0)?;
         let d = Diagnostic::new(Code::E108, format!("`{}` needs a matrix({size},{size}), found a {shape}", c.name));
-        let d = match (plane, shape.size(0)) {
-            (false, 2) => d.help(format!("in two dimensions: Plane_Strain_{}", c.name)),
-            (true, 3) => d.help(format!("in three dimensions: {}", c.name.trim_start_matches("Plane_Strain_"))),
+        let d = match (strain, shape.size(0)) {
+            (Strain::Full, 2) => d.help(format!("in two dimensions: Plane_Strain_{}", c.name)),
+            (Strain::Plane, 3) => {
+                d.help(format!("in three dimensions: {}", c.name.trim_start_matches("Plane_Strain_")))
+            }
             _ => d,
         };
         return b.report(d, text, shape.to_string());
@@ -122,7 +133,7 @@ pub(super) fn law_of_gradient(
     match law {
         Law::SaintVenantKirchhoff => Some(saint_venant_kirchhoff(&mut b.graph, grad, &parameters, wanted)),
         Law::Invariants { potential, .. } => {
-            Some(invariant_law(&mut b.graph, grad, &parameters, potential, wanted, plane))
+            Some(invariant_law(&mut b.graph, grad, &parameters, potential, wanted, strain))
         }
     }
 }
@@ -172,9 +183,9 @@ fn invariant_law(
     parameters: &[ExprId],
     potential: fn(&mut Graph, [ExprId; 3], &[ExprId]) -> ExprId,
     wanted: Wanted,
-    plane: bool,
+    strain: Strain,
 ) -> ExprId {
-    let grad = if plane { in_space(g, grad) } else { grad };
+    let grad = if strain == Strain::Plane { in_space(g, grad) } else { grad };
     let f = deformation(g, grad);
     let t = g.transpose(f);
     let c = product(g, t, f);
@@ -201,7 +212,7 @@ fn invariant_law(
         })
         .collect();
     let stress = stress(g, c, i1, &slopes);
-    if plane { in_plane(g, stress) } else { stress }
+    if strain == Strain::Plane { in_plane(g, stress) } else { stress }
 }
 
 /// 2 (W_1 Id + W_2 (i1 Id - C) + W_3 cof C)

@@ -12,7 +12,7 @@ use crate::{
 
 /// `Von_Mises_projection(tau, s)`.
 pub(super) fn von_mises(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
-    let m = b.square_argument(c, 0, false)?;
+    let m = b.square_argument(c, 0)?;
     let r = b.scalar_argument(c, 1)?;
     let g = &mut b.graph;
     let dev = deviator(g, m);

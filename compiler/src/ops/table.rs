@@ -6,8 +6,8 @@ use super::{
     def::{Entrywise, OpDef},
     field::{diff, divergence, hessian, interpolate, interpolate_filter, number_of_components, rate, sizes},
     hyperelastic::{
-        BLATZ_KO, BONET, CIARLET, CIARLET_GEYMONAT, COMPRESSIBLE_MOONEY, COMPRESSIBLE_NEO, Law, MOONEY, NEO, Wanted,
-        cauchy_green, cauchy_stress, green_lagrangian, law_of_gradient,
+        BLATZ_KO, BONET, CIARLET, CIARLET_GEYMONAT, COMPRESSIBLE_MOONEY, COMPRESSIBLE_NEO, Law, MOONEY, NEO, Strain,
+        Wanted, cauchy_green, cauchy_stress, green_lagrangian, law_of_gradient,
     },
     lookup::lookup,
     project::{coulomb, transformed_unit_vector, von_mises},
@@ -107,21 +107,21 @@ macro_rules! law {
     ($name:literal, ($count:literal, $parameters:literal, $values:literal), $doc:expr, [], $law:expr) => {
         &[
             law!(@word "", $name, "_potential", "energy density of ", $count, $parameters, $values, $doc,
-                $law, Potential, false),
+                $law, Potential, Full),
             law!(@word "", $name, "_PK2", "second Piola-Kirchhoff stress of ", $count, $parameters, $values, $doc,
-                $law, Stress, false),
+                $law, Stress, Full),
             law!(@word "", $name, "_sigma", "second Piola-Kirchhoff stress of ", $count, $parameters, $values, $doc,
-                $law, Stress, false),
+                $law, Stress, Full),
             law!(@word "Plane_Strain_", $name, "_potential", "energy density in plane strain of ",
-                $count, $parameters, $values, $doc, $law, Potential, true),
+                $count, $parameters, $values, $doc, $law, Potential, Plane),
             law!(@word "Plane_Strain_", $name, "_PK2", "in-plane second Piola-Kirchhoff stress in plane strain of ",
-                $count, $parameters, $values, $doc, $law, Stress, true),
+                $count, $parameters, $values, $doc, $law, Stress, Plane),
             law!(@word "Plane_Strain_", $name, "_sigma", "in-plane second Piola-Kirchhoff stress in plane strain of ",
-                $count, $parameters, $values, $doc, $law, Stress, true),
+                $count, $parameters, $values, $doc, $law, Stress, Plane),
         ]
     };
     (@word $before:literal, $name:literal, $after:literal, $what:literal, $count:literal, $parameters:literal,
-        $values:literal, $doc:literal, $law:expr, $wanted:ident, $plane:literal) => {
+        $values:literal, $doc:literal, $law:expr, $wanted:ident, $strain:ident) => {
         OpDef {
             name: concat!($before, $name, $after),
             least: 2,
@@ -130,7 +130,7 @@ macro_rules! law {
             doc: concat!($what, $doc),
             samples: &[concat!($before, $name, $after, "(0.1*Grad_u, ", $values, ")")],
             untested: "",
-            build: |b, c| law_of_gradient(b, c, $law, $count, Wanted::$wanted, $plane),
+            build: |b, c| law_of_gradient(b, c, $law, $count, Wanted::$wanted, Strain::$strain),
             entrywise: None,
         }
     };

@@ -22,7 +22,7 @@ pub(super) fn identity(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
 
 /// `Skew(M)`.
 pub(super) fn skew(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
-    let m = b.square_argument(c, 0, true)?;
+    let m = b.linear_square_argument(c, 0)?;
     let t = b.graph.transpose(m);
     let s = b.graph.sub(m, t);
     Some(times(&mut b.graph, 0.5, s))
@@ -96,7 +96,7 @@ pub(super) fn scaled_by_det(g: &mut Graph, value: ExprId, m: ExprId, power: f64)
 }
 
 pub(super) fn matrix_function(b: &mut Builder<'_>, c: &Call<'_>, f: MatrixFn) -> Option<ExprId> {
-    let m = b.square_argument(c, 0, false)?;
+    let m = b.square_argument(c, 0)?;
     let n = b.graph.shape(m).size(0);
     if n > 3 {
         let text = b.argument_text(c, 0)?;

@@ -14,7 +14,7 @@ pub(crate) fn scene(name: &str, text: String, loader: &mut dyn Loader) -> Result
     let mut sources = SourceMap::new();
     let main = sources.add(name, text);
     let checked = resolve(&mut sources, main, loader, &[]);
-    let told = |d: &[Diagnostic]| d.iter().map(|d| render(d, &sources, false)).collect::<Vec<_>>().join("\n");
+    let told = |d: &[Diagnostic]| d.iter().map(|d| render(d, &sources)).collect::<Vec<_>>().join("\n");
     if checked.diagnostics.iter().any(Diagnostic::is_error) {
         return Err(told(&checked.diagnostics));
     }

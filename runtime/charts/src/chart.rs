@@ -247,7 +247,7 @@ impl Chart {
     /// An SVG file: its colours follow the ground that the reader prefers, light in programs that do not know of it.
     #[must_use]
     pub fn svg(&self) -> String {
-        self.draw(true)
+        self.draw(draw::Sheet::File)
     }
 
     /// A PNG file on light ground, two pixels a unit.
@@ -270,7 +270,7 @@ impl Chart {
 
     /// The SVG without its style, for a page that has it already.
     pub(crate) fn embedded(&self) -> String {
-        self.draw(false)
+        self.draw(draw::Sheet::Page)
     }
 }
 

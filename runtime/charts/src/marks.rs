@@ -15,9 +15,18 @@ pub(crate) enum Mark {
     /// A disc.
     Disc { paint: String, at: [f64; 2], r: f64 },
     /// Words; the class says where they are anchored.
-    Text { class: String, at: [f64; 2], text: String, upright: bool },
+    Text { class: String, at: [f64; 2], text: String, reads: Reads },
     /// Faces that hide each other.
     Surface(Surface),
+}
+
+/// Which way words are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reads {
+    /// From left to right.
+    Across,
+    /// From below to above.
+    Up,
 }
 
 /// Colours and width of a shape on light ground.

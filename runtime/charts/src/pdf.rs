@@ -13,7 +13,7 @@ use letters::{Letter, length, letters};
 use crate::{
     colour::of_class,
     map::Edge,
-    marks::{Mark, Paint},
+    marks::{Mark, Paint, Reads},
     raster::{Layers, PngError, layers},
     surface::{Placed, Surface},
     text::FACES,
@@ -105,7 +105,7 @@ impl Page {
                 self.circle(*at, *r);
                 self.op(format_args!("{how}"));
             }
-            Mark::Text { class, at, text, upright } => self.text(class, *at, text, *upright),
+            Mark::Text { class, at, text, reads } => self.text(class, *at, text, *reads),
             Mark::Surface(surface) => self.surface(surface)?,
         }
         Ok(())
@@ -142,7 +142,7 @@ impl Page {
         }
     }
 
-    fn text(&mut self, class: &str, at: [f64; 2], text: &str, upright: bool) {
+    fn text(&mut self, class: &str, at: [f64; 2], text: &str, reads: Reads) {
         let has = |c: &str| class.split(' ').any(|x| x == c);
         let size = POINTS
             * if has("t") {
@@ -164,7 +164,7 @@ impl Page {
             };
         let [x, y] = [POINTS * at[0], POINTS * (self.height - at[1])];
         self.fill(class.split(' ').find_map(of_class).unwrap_or(INK));
-        let place = if upright {
+        let place = if reads == Reads::Up {
             format!("0 1 -1 0 {x:.2} {:.2} Tm", y - along)
         } else {
             format!("1 0 0 1 {:.2} {y:.2} Tm", x - along)

@@ -7,7 +7,7 @@ use crate::{
     colour::of_class,
     glyphs::glyphs,
     map::Edge,
-    marks::{Mark, Paint},
+    marks::{Mark, Paint, Reads},
     surface::{Placed, Surface},
 };
 
@@ -75,8 +75,8 @@ pub(crate) fn pixels(marks: &[Mark], size: [f64; 2]) -> Result<Pixels, PngError>
     }
     let mut pixels = canvas.pixels();
     for mark in marks {
-        if let Mark::Text { class, at, text, upright } = mark {
-            write_text(&mut pixels, w, class, *at, text, *upright);
+        if let Mark::Text { class, at, text, reads } = mark {
+            write_text(&mut pixels, w, class, *at, text, *reads);
         }
     }
     Ok(Pixels { rgb: pixels, size: [w, h] })
@@ -211,7 +211,7 @@ impl Canvas {
             Mark::Line { paint, points } => {
                 let paint = Paint::of(paint);
                 if let Some(colour) = paint.stroke {
-                    self.line(points, paint.width, paint.dashed, colour);
+                    self.line(points, &paint, colour);
                 }
             }
             Mark::Polygon { paint, corners } => {
@@ -221,7 +221,7 @@ impl Canvas {
                 }
                 if let (Some(colour), Some(first)) = (paint.stroke, corners.first()) {
                     let around: Vec<[f64; 2]> = corners.iter().copied().chain([*first]).collect();
-                    self.line(&around, paint.width, false, colour);
+                    self.line(&around, &Paint { dashed: false, ..paint }, colour);
                 }
             }
             Mark::Disc { paint, at, r } => {
@@ -275,7 +275,8 @@ impl Canvas {
         }
     }
 
-    fn line(&mut self, points: &[[f64; 2]], width: f64, dashed: bool, colour: [u8; 3]) {
+    fn line(&mut self, points: &[[f64; 2]], paint: &Paint, colour: [u8; 3]) {
+        let Paint { width, dashed, .. } = *paint;
         let mut walked = 0.0;
         for pair in points.windows(2) {
             let (a, b) = (pair[0], pair[1]);
@@ -459,7 +460,7 @@ fn mixed(under: u8, over: u8, cover: f64) -> u8 {
 }
 
 /// Writes a text on the pixels of a picture of width `w`.
-fn write_text(pixels: &mut [u8], w: usize, class: &str, at: [f64; 2], text: &str, upright: bool) {
+fn write_text(pixels: &mut [u8], w: usize, class: &str, at: [f64; 2], text: &str, reads: Reads) {
     let has = |c: &str| class.split(' ').any(|x| x == c);
     let colour = class.split(' ').find_map(of_class).unwrap_or(EDGE_COLOUR);
     let (letters, length) = glyphs(text, has("t"));
@@ -473,7 +474,7 @@ fn write_text(pixels: &mut [u8], w: usize, class: &str, at: [f64; 2], text: &str
         0.0
     };
     #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
-    let [x0, y0] = if upright {
+    let [x0, y0] = if reads == Reads::Up {
         [(scale * at[0]).round() as i64, (scale * at[1] + back).round() as i64]
     } else {
         [(scale * at[0] - back).round() as i64, (scale * at[1]).round() as i64]
@@ -482,7 +483,7 @@ fn write_text(pixels: &mut [u8], w: usize, class: &str, at: [f64; 2], text: &str
     let (width, height) = (w as i64, (pixels.len() / 3 / w) as i64);
     for letter in &letters {
         for (right, down, cover) in letter.pixels() {
-            let (x, y) = if upright { (x0 + down, y0 - right) } else { (x0 + right, y0 + down) };
+            let (x, y) = if reads == Reads::Up { (x0 + down, y0 - right) } else { (x0 + right, y0 + down) };
             if x < 0 || y < 0 || x >= width || y >= height {
                 continue;
             }
@@ -550,7 +551,8 @@ mod tests {
     #[test]
     fn letters_stand_where_they_are_anchored() {
         let ink = |class: &str| {
-            let text = Mark::Text { class: class.to_owned(), at: [50.0, 15.0], text: "HH".to_owned(), upright: false };
+            let text =
+                Mark::Text { class: class.to_owned(), at: [50.0, 15.0], text: "HH".to_owned(), reads: Reads::Across };
             let (pixels, w) = decoded(&png(&[text], [100.0, 30.0]).unwrap());
             let dark = pixels.chunks_exact(3).enumerate().filter(|(_, p)| p[0] < 128).map(|(k, _)| (k % w, k / w));
             let dark: Vec<(usize, usize)> = dark.collect();

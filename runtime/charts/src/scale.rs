@@ -35,10 +35,19 @@ pub(crate) struct Axis {
     pub(crate) ticks: Vec<Tick>,
 }
 
+/// Where an axis ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ends {
+    /// At the lowest and the highest number.
+    Tight,
+    /// 4 % beyond them.
+    Margin,
+}
+
 impl Axis {
-    /// The axis that shows all these numbers; those that have no place on it are skipped. `room` adds a margin of 4 %
-    /// at both ends, `ticks` is the number of labels wanted.
-    pub(crate) fn fit(scale: Scale, values: impl Iterator<Item = f64>, room: bool, ticks: usize) -> Self {
+    /// The axis that shows all these numbers; those that have no place on it are skipped. `ticks` is the number of
+    /// labels wanted.
+    pub(crate) fn fit(scale: Scale, values: impl Iterator<Item = f64>, ends: Ends, ticks: usize) -> Self {
         let (mut low, mut high, mut whole) = (f64::INFINITY, f64::NEG_INFINITY, true);
         for v in values.filter(|v| has_place(scale, *v)) {
             whole &= v.fract() == 0.0 && v.abs() < 1e5;
@@ -49,25 +58,31 @@ impl Axis {
             (low, high) = (0.0, 1.0); // nothing to show
         }
         match scale {
-            Scale::Linear => Self::linear(low, high, whole, room, ticks),
-            Scale::Log => Self::log(low, high, room, ticks),
+            Scale::Linear => {
+                let mut axis = Axis { whole, ..Self::linear(low, high, ends) };
+                axis.linear_ticks(ticks);
+                axis
+            }
+            Scale::Log => {
+                let mut axis = Self::log(low, high, ends);
+                axis.log_ticks(ticks);
+                axis
+            }
         }
     }
 
-    fn linear(low: f64, high: f64, whole: bool, room: bool, ticks: usize) -> Self {
+    fn linear(low: f64, high: f64, ends: Ends) -> Self {
         let largest = low.abs().max(high.abs());
         let (mut low, mut high) = (low, high);
         if half_range(low, high) <= ROUNDING * largest {
             let margin = if largest == 0.0 { 1.0 } else { 0.1 * largest };
             (low, high) = (low - margin, high + margin);
-        } else if room {
+        } else if ends == Ends::Margin {
             let margin = 0.08 * half_range(low, high);
             (low, high) = (low - margin, high + margin);
         }
         (low, high) = (low.max(f64::MIN), high.min(f64::MAX));
-        let mut axis = Axis { scale: Scale::Linear, low, high, whole, power: 0, ticks: Vec::new() };
-        axis.linear_ticks(ticks);
-        axis
+        Axis { scale: Scale::Linear, low, high, whole: false, power: 0, ticks: Vec::new() }
     }
 
     fn linear_ticks(&mut self, wanted: usize) {
@@ -96,17 +111,15 @@ impl Axis {
         }
     }
 
-    fn log(low: f64, high: f64, room: bool, ticks: usize) -> Self {
+    fn log(low: f64, high: f64, ends: Ends) -> Self {
         let (mut low, mut high) = (low, high);
         if high - low < 0.3 {
             (low, high) = (low - 0.2, high + 0.2);
-        } else if room {
+        } else if ends == Ends::Margin {
             let margin = 0.04 * (high - low);
             (low, high) = (low - margin, high + margin);
         }
-        let mut axis = Axis { scale: Scale::Log, low, high, whole: false, power: 0, ticks: Vec::new() };
-        axis.log_ticks(ticks);
-        axis
+        Axis { scale: Scale::Log, low, high, whole: false, power: 0, ticks: Vec::new() }
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "decades of numbers")]
@@ -191,35 +204,35 @@ mod tests {
 
     #[test]
     fn ticks_are_round_numbers() {
-        let axis = Axis::fit(Scale::Linear, [0.0, 9.5].into_iter(), false, 5);
+        let axis = Axis::fit(Scale::Linear, [0.0, 9.5].into_iter(), Ends::Tight, 5);
         assert_eq!(labels(&axis), ["0", "2", "4", "6", "8"]);
         assert_eq!(axis.at(0.0), Some(0.0));
         assert_eq!(axis.at(9.5), Some(1.0));
-        let axis = Axis::fit(Scale::Linear, [-0.3, 0.1].into_iter(), false, 4);
+        let axis = Axis::fit(Scale::Linear, [-0.3, 0.1].into_iter(), Ends::Tight, 4);
         assert_eq!(labels(&axis), ["−0.3", "−0.2", "−0.1", "0", "0.1"]);
     }
 
     #[test]
     fn a_range_a_little_above_a_round_one_keeps_its_labels() {
-        let axis = Axis::fit(Scale::Linear, [0.0, 1.3].into_iter(), false, 6);
+        let axis = Axis::fit(Scale::Linear, [0.0, 1.3].into_iter(), Ends::Tight, 6);
         assert_eq!(labels(&axis), ["0", "0.2", "0.4", "0.6", "0.8", "1.0", "1.2"]);
-        let axis = Axis::fit(Scale::Linear, [0.0, 108.0].into_iter(), false, 5);
+        let axis = Axis::fit(Scale::Linear, [0.0, 108.0].into_iter(), Ends::Tight, 5);
         assert_eq!(labels(&axis), ["0", "20", "40", "60", "80", "100"]);
     }
 
     #[test]
     fn large_and_small_numbers_share_a_power_of_ten() {
-        let axis = Axis::fit(Scale::Linear, [0.0, 7.1e-4].into_iter(), false, 4);
+        let axis = Axis::fit(Scale::Linear, [0.0, 7.1e-4].into_iter(), Ends::Tight, 4);
         assert_eq!((axis.power, axis.factor().as_str()), (-4, " × 10⁻⁴"));
         assert_eq!(labels(&axis), ["0", "2", "4", "6"]);
-        let axis = Axis::fit(Scale::Linear, [-2e11, 4e11].into_iter(), false, 3);
+        let axis = Axis::fit(Scale::Linear, [-2e11, 4e11].into_iter(), Ends::Tight, 3);
         assert_eq!(axis.power, 11);
         assert_eq!(labels(&axis), ["−2", "0", "2", "4"]);
     }
 
     #[test]
     fn decades_are_labelled() {
-        let axis = Axis::fit(Scale::Log, [1e-12, 1.0].into_iter(), false, 6);
+        let axis = Axis::fit(Scale::Log, [1e-12, 1.0].into_iter(), Ends::Tight, 6);
         assert_eq!(labels(&axis), ["10⁻¹²", "10⁻¹⁰", "10⁻⁸", "10⁻⁶", "10⁻⁴", "10⁻²", "10⁰"]);
         assert!((axis.at(1e-6).unwrap() - 0.5).abs() < 1e-12);
         assert_eq!((axis.at(0.0), axis.at(-1.0), axis.at(f64::NAN)), (None, None, None));
@@ -227,7 +240,7 @@ mod tests {
 
     #[test]
     fn whole_numbers_have_whole_ticks() {
-        let axis = Axis::fit(Scale::Linear, [0.0, 2.0].into_iter(), false, 6);
+        let axis = Axis::fit(Scale::Linear, [0.0, 2.0].into_iter(), Ends::Tight, 6);
         assert_eq!(labels(&axis), ["0", "1", "2"]);
     }
 
@@ -245,8 +258,8 @@ mod tests {
         ];
         for values in cases {
             for scale in [Scale::Linear, Scale::Log] {
-                for room in [false, true] {
-                    let axis = Axis::fit(scale, values.iter().copied(), room, 5);
+                for ends in [Ends::Tight, Ends::Margin] {
+                    let axis = Axis::fit(scale, values.iter().copied(), ends, 5);
                     assert!(axis.ticks.len() < 60, "{values:?} {scale:?}: {}", axis.ticks.len());
                     assert!(axis.ticks.iter().all(|t| t.at.is_finite()), "{values:?} {scale:?} {:?}", axis.ticks);
                     for v in values.iter().filter(|v| has_place(scale, **v)) {

@@ -2,7 +2,11 @@
 
 use std::fmt::Write;
 
-use crate::{marks::Mark, raster, surface::Surface};
+use crate::{
+    marks::{Mark, Reads},
+    raster,
+    surface::Surface,
+};
 
 /// Faces of a surface that an SVG draws one by one; more are pixels inside it, which take less room.
 pub(crate) const FACES: usize = 2500;
@@ -123,13 +127,13 @@ impl Svg {
 
     /// A label; `class` gives its colour and where it is anchored.
     pub(crate) fn label(&mut self, class: &str, at: [f64; 2], text: &str) {
-        self.mark(|| Mark::Text { class: class.to_owned(), at, text: text.to_owned(), upright: false });
+        self.mark(|| Mark::Text { class: class.to_owned(), at, text: text.to_owned(), reads: Reads::Across });
         self.raw(&format!(r#"<text class="{class}" x="{:.1}" y="{:.1}">{}</text>"#, at[0], at[1], escape(text)));
     }
 
     /// A label that reads from below to above.
     pub(crate) fn upright(&mut self, class: &str, at: [f64; 2], text: &str) {
-        self.mark(|| Mark::Text { class: class.to_owned(), at, text: text.to_owned(), upright: true });
+        self.mark(|| Mark::Text { class: class.to_owned(), at, text: text.to_owned(), reads: Reads::Up });
         let [x, y] = at;
         let turn = format!("rotate(-90 {x:.1} {y:.1})");
         self.raw(&format!(r#"<text class="{class}" x="{x:.1}" y="{y:.1}" transform="{turn}">{}</text>"#, escape(text)));

@@ -17,9 +17,11 @@ use crate::definite::sampled_cells;
 
 /// Differences below this part of the range of the pressure are none.
 const SEEN: f64 = 0.03;
-/// Of neighbours that are as large, within this part of the range, none is larger.
+/// Of neighbours that are as large, within this part of the range, none is larger: what tolerances leave of equal
+/// values is far below.
 const LEVEL: f64 = 1e-3;
-/// The bound of Vermeer and Verruijt.
+/// The square of the size of a cell, in units of diffusivity and increment, from which a step is too short: the bound of Vermeer
+/// and Verruijt (1981), see above.
 const BOUND: f64 = 6.0;
 
 /// A pressure and the displacement that it acts on, by number.
@@ -51,13 +53,17 @@ pub struct Alternating {
 /// The pressures of a scene on elements of degree 1 that are coupled with the volume of a body.
 #[must_use]
 pub fn pore_pressures(system: &System) -> Vec<PorePressure> {
+    // neighbours across the parts of a mesh are not known to one rank
+    system.mesh.check_whole(|| coupled_pressures(system))
+}
+
+fn coupled_pressures(system: &System) -> Vec<PorePressure> {
     let dim = system.mesh.dim();
     let nodal = |k: usize| match &system.fields[k].space {
         FieldSpace::Nodal(space) => space.family() == Family::Continuous && system.range(k).is_some(),
         _ => false,
     };
-    // neighbours across the parts of a mesh are not known to one rank
-    if dim < 2 || !system.mesh.is_whole() {
+    if dim < 2 {
         return Vec::new();
     }
     let mut found = Vec::new();

@@ -14,7 +14,8 @@ use wfl_discrete::{assemble::AssembledTerm, system::System};
 
 use crate::definite::{sampled_cells, stiff_terms, stiffness};
 
-/// What rounding may leave, in parts of the largest entry.
+/// What rounding may leave, in parts of the largest entry: entries are sums over some ten points, known to some hundred
+/// roundoffs.
 const ROUNDING: f64 = 1e-9;
 
 /// A body with the stiffness of a cubic material (stress).
@@ -45,8 +46,8 @@ pub fn cubic_bodies(system: &System) -> Vec<CubicBody> {
         f.kind == FieldKind::Unknown && f.n_components == dim && !f.is_at_points() && system.range(*k).is_some()
     };
     // a rank that has no cell of a body says nothing of it, so that all are asked with the whole mesh alone
-    let all = (0..system.fields.len()).filter(|k| dim > 1 && system.mesh.is_whole() && vector(k));
-    all.filter_map(|field| cubic_body(system, field)).collect()
+    let all = (0..system.fields.len()).filter(|k| dim > 1 && vector(k));
+    system.mesh.check_whole(|| all.filter_map(|field| cubic_body(system, field)).collect())
 }
 
 fn cubic_body(system: &System, field: usize) -> Option<CubicBody> {

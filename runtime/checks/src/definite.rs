@@ -17,12 +17,13 @@ use wfl_discrete::assemble::{AssembledTerm, FieldValues, PointTangent};
 use wfl_discrete::system::System;
 use wfl_mesh::mesh::CellId;
 
-/// Cells of each term that are looked at, spread evenly over it.
+/// Cells of each term that are looked at, spread evenly over it: a law is one formula, its coefficients vary in space.
 const CELLS: usize = 16;
 /// An eigenvalue below minus this part of the largest is negative: what is smaller may be rounding of parameters.
 const NEGATIVE: f64 = 1e-9;
 
-/// A stress gives a turn at most three times its largest entry as a negative stiffness.
+/// A stress gives a turn at most three times its largest entry as a negative stiffness: a symmetric matrix of three
+/// rows has no eigenvalue beyond three times its largest entry.
 const STRESSED: f64 = 3.0;
 
 /// A field whose terms on cells are not positive definite.

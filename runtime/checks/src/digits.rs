@@ -12,9 +12,9 @@
 use super::Solved;
 use wfl_newton::LinearSolver;
 
-/// Sets of signs that are tried.
+/// Sets of signs that are tried: the second one may see what signs of the first one cancel; the larger error counts.
 const SAMPLES: u64 = 2;
-/// With an error this small after the first one that is all: a set of signs tells k digits too many with a chance of
+/// With a relative error this small after the first one that is all: a set of signs tells k digits too many with a chance of
 /// about 10^-k, and this is a thousandth of what is warned of.
 const CLEAR: f64 = 1e-6;
 /// Part of a right-hand side that its solution may leave: an estimate needs few digits, and an older factor serves.

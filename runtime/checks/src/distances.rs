@@ -10,11 +10,11 @@ use wfl_discrete::system::System;
 
 /// Written and true distances that add up to less than this part of the true ones are opposite.
 const OPPOSITE: f64 = 0.05;
-/// The same of what they vary by about their means: an interference or an offset may be added to both.
+/// The same part of what they vary by about their means: an interference or an offset may be added to both.
 const VARIES: f64 = 0.1;
 /// Distances below this part of the extent of the mesh are rounding.
 const ROUNDING: f64 = 1e-9;
-/// Points that are nearer than this part of the mean distance touch.
+/// Points that are nearer than this part of the mean distance touch: beside the mean distance such a gap is none.
 const TOUCHES: f64 = 1e-3;
 
 /// A contact law whose distance is the opposite of that of the mesh.
@@ -33,9 +33,9 @@ pub struct ReversedGap {
 /// The contact laws through mappings onto faces whose distance has the wrong sign, at the step of the system.
 #[must_use]
 pub fn reversed_gaps(system: &System, contact: &Contact) -> Vec<ReversedGap> {
+    let all = contact.terms().iter().filter(|t| !t.on_cells());
     // of a part of the mesh a rank has some of the points only
-    let all = contact.terms().iter().filter(|t| !t.on_cells() && system.mesh.is_whole());
-    all.filter_map(|t| reversed_gap(system, contact, t)).collect()
+    system.mesh.check_whole(|| all.filter_map(|t| reversed_gap(system, contact, t)).collect())
 }
 
 fn reversed_gap(system: &System, contact: &Contact, term: &ContactTerm) -> Option<ReversedGap> {
@@ -101,9 +101,13 @@ pub struct DistantContact {
 /// curved and touch at one. Sides that lie on each other may open because that is what the scene is about.
 #[must_use]
 pub fn distant_contacts(system: &System, contact: &Contact) -> Vec<DistantContact> {
+    system.mesh.check_whole(|| distant(system, contact))
+}
+
+fn distant(system: &System, contact: &Contact) -> Vec<DistantContact> {
     let zero = vec![0.0; system.numbering.n_dofs];
     let mut found = Vec::new();
-    for term in contact.terms().iter().filter(|t| !t.on_cells() && system.mesh.is_whole()) {
+    for term in contact.terms().iter().filter(|t| !t.on_cells()) {
         let Some(points) = contact_points(system, contact, &zero, &[term.term]) else { continue };
         let gaps = &points.gaps;
         if gaps.is_empty() || gaps.iter().any(|g| g.is_nan() || *g < 0.0) {

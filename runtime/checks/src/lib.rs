@@ -41,7 +41,7 @@ pub use physics::{About, Conditions, NarrowZone, PhysicsCheck, Zigzag, balance, 
 pub use rigid_motions::LooseMotions;
 pub use signs::{DrivenSides, UnbalancedLoad, driven_sides, unbalanced_loads};
 pub use stability::{Unstable, is_due, unstable};
-pub use strains::{LargeStrain, large_strains, small_strain_bodies};
+pub use strains::{LargeStrain, SmallStrainBody, large_strains, small_strain_bodies};
 pub use turned::{TurnedCells, turned_cells};
 pub use uniqueness::{Others, others};
 

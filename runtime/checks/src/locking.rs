@@ -17,7 +17,7 @@ use wfl_mesh::mesh::CellId;
 use crate::definite::{PointStiffness, sampled_cells, stiff_terms, stiffness};
 use crate::worst::Finding;
 
-/// Lame's first parameter over the second from which a body counts as nearly incompressible: that of a Poisson number of
+/// Lame's first parameter, in units of the second, from which a body counts as nearly incompressible: that of a Poisson number of
 /// 0.495, above which the manuals of commercial programs ask for mixed elements.
 const LAMBDA_OVER_MU: f64 = 99.0;
 

@@ -21,9 +21,11 @@ use crate::{
     worst::Finding,
 };
 
-/// What a law may leave that rotations do not change at rest.
+/// What a law may leave, relative to its moments, that rotations do not change at rest: far above what differences of
+/// moments leave by rounding, and what an error in a law leaves is a part of 1.
 const LEFT: f64 = 1e-6;
-/// Stresses below this part of the stiffness, and of what cancels in the forces, are rounding.
+/// Stresses below this part of the stiffness, and of what cancels in the forces, are rounding: some tens of operations,
+/// each rounded.
 const ROUNDED: f64 = 64.0 * f64::EPSILON;
 
 /// What was found of the moments in a field.

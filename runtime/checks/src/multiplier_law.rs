@@ -18,7 +18,8 @@ use wfl_compiler::{
 use super::Solved;
 use wfl_discrete::assemble::{AssembledTerm, FieldValues};
 
-/// What a law asks is rounding below this part of what it asks of twice the multiplier.
+/// What a law asks is rounding below this part of what it asks of twice the multiplier: a value of a formula is known
+/// to some hundred roundoffs.
 const ROUNDING: f64 = 1e-10;
 
 /// What is left of the law of a multiplier.

@@ -31,14 +31,15 @@ use wfl_mesh::mesh::{CellId, Topology, boundary_of};
 use crate::definite::{sampled_cells, stiff_terms, stiffness};
 use crate::worst::Finding;
 
-/// What rounding may leave, in parts of what cancels.
+/// What rounding may leave, in parts of what cancels: eigenvalues and differences of stresses lose some digits of
+/// sixteen.
 const ROUNDING: f64 = 1e-8;
 /// A stiffness against rotation, or a change of a stress by one, below this part of that against shear may be meant: the
 /// geometric stiffness of an initial stress (a body yields long before a twentieth of its shear modulus), damping.
 const MEANT: f64 = 0.05;
 /// Cells that are looked at, of those that are sampled: a law is one formula, its coefficients vary.
 const CELLS: usize = 4;
-/// Over the shear modulus the compliance of an unknown pressure from which the medium counts as compressible: penalties on
+/// The compliance of an unknown pressure times the shear modulus from which the medium counts as compressible: penalties on
 /// pressures of incompressible flows are far below.
 const COMPRESSIBLE: f64 = 1e-3;
 

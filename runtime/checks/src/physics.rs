@@ -21,7 +21,7 @@ use wfl_discrete::system::{Form, System};
 
 /// Out of balance by more than this part of the forces is more than rounding and the tolerance of Newton.
 const BALANCE: f64 = 1e-6;
-/// Forces out of balance by more than this are reported for every tolerance: they have fewer than three correct digits,
+/// Forces out of balance by more than this part of them are reported for every tolerance: they have fewer than three correct digits,
 /// the limit of W605.
 const LARGEST_BALANCE: f64 = 1e-3;
 /// Overlap, or sliding at points that stick, in parts of the largest displacement: beyond it the law is no longer one
@@ -189,7 +189,7 @@ fn displacement_groups(system: &System) -> Vec<Vec<usize>> {
     let dim = system.mesh.dim();
     for k in 0..system.fields.len() {
         let f = &system.fields[k];
-        let is_number = matches!(f.space, FieldSpace::Global) || system.mesh.is_whole() && f.n_nodes() < 2;
+        let is_number = matches!(f.space, FieldSpace::Global) || system.mesh.check_whole(|| f.n_nodes() < 2);
         if dim < 2 || f.n_components != dim || f.kind != FieldKind::Unknown || system.range(k).is_none() || is_number {
             continue;
         }

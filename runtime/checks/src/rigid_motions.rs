@@ -176,7 +176,7 @@ impl Examined<'_> {
     fn bodies(&self, field: usize) -> Vec<usize> {
         let f = &self.system.fields[field];
         // what hangs together through cells of other ranks is not known here
-        let (FieldSpace::Nodal(space), true) = (&f.space, self.system.mesh.is_whole()) else {
+        let (FieldSpace::Nodal(space), true) = (&f.space, self.system.mesh.holders().is_alone()) else {
             return vec![0; f.n_nodes()];
         };
         let mut above: Vec<usize> = (0..f.n_nodes()).collect();

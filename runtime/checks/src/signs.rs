@@ -20,7 +20,7 @@ use wfl_discrete::system::System;
 
 /// Motion of a body, in parts of the extent of the mesh: small beside the displacements at which laws of interfaces turn.
 const MOVED: f64 = 1e-8;
-/// Work below this part of the largest one is rounding.
+/// Work below this part of the largest one is rounding: of sums over an interface whose summands cancel.
 const NONE: f64 = 1e-6;
 /// Values of a number that are tried, in parts of the extent of the mesh: powers of ten from here to one, of both signs.
 const LEAST_DECADE: i32 = -8;

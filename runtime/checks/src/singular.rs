@@ -20,16 +20,26 @@ use wfl_newton::Singular;
 use wfl_sparse::csr::Csr;
 use wfl_sparse::solve::{LargestEntries, NullSpace, NullVector, SolveError, largest_entries, null_space};
 
-/// Rows of a scaled matrix this far apart leave nothing of the smaller ones to double precision.
+/// Rows of a scaled matrix apart by this factor leave nothing of the smaller ones to double precision: sixteen digits
+/// less three that a solution needs.
 const FAR_APART: f64 = 1e13;
 /// A vector lies in a field if all but this part of its square does.
 const OUTSIDE: f64 = 1e-6;
+
+/// What leaves one field undetermined.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Mode {
+    Constant,
+    /// No term couples the field with itself.
+    Uncoupled,
+    Other,
+}
 
 impl Examined<'_> {
     /// Why the last tangent is singular; `u` is the state it belongs to, `met` what the solver says. `None` where nothing can
     /// be said.
     pub(crate) fn why_singular(&self, u: &[f64], met: &SolveError) -> Option<Singular> {
-        if !self.system.mesh.is_whole() {
+        if !self.system.mesh.holders().is_alone() {
             // rigid motions are met in the rows of each rank, a null space is one of all rows
             let motions = self.loose_motions();
             return (!motions.is_empty()).then(|| self.loose_bodies(&motions, u));
@@ -209,7 +219,12 @@ impl Examined<'_> {
             let own = columns.iter().zip(values).filter(|(c, _)| free.binary_search(&(**c as usize)).is_ok());
             own.into_iter().all(|(_, v)| *v == 0.0)
         });
-        if let Some(found) = self.of_a_kind(field, vector, is_constant, alone) {
+        let mode = match (is_constant, alone) {
+            (true, _) => Mode::Constant,
+            (false, true) => Mode::Uncoupled,
+            (false, false) => Mode::Other,
+        };
+        if let Some(found) = self.of_a_kind(field, vector, mode) {
             return found;
         }
         if self.resists_at_points(field, vector) == Some(true) {
@@ -249,12 +264,12 @@ impl Examined<'_> {
     }
 
     /// Forces that cancel, a field that is constant, one that no term couples with itself.
-    fn of_a_kind(&self, field: usize, vector: &[f64], is_constant: bool, alone: bool) -> Option<Singular> {
+    fn of_a_kind(&self, field: usize, vector: &[f64], mode: Mode) -> Option<Singular> {
         let name = self.system.fields[field].name.clone();
         if self.system.fields[field].kind == FieldKind::Multiplier {
             return Some(self.of_multiplier(field, vector));
         }
-        if is_constant {
+        if mode == Mode::Constant {
             return Some(Singular {
                 what: format!("`{name}` is determined up to a constant only"),
                 notes: vec![format!(
@@ -267,7 +282,7 @@ impl Examined<'_> {
                 name,
             });
         }
-        if alone {
+        if mode == Mode::Uncoupled {
             return Some(Singular {
                 what: format!("`{name}` has a spurious mode that alternates from node to node"),
                 notes: vec![

@@ -20,6 +20,15 @@ use crate::worst::Finding;
 /// one log(1 + e), and at 0.3 they differ by 0.083.
 const LARGE: f64 = 0.3;
 
+/// A body whose law is one of small strains.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SmallStrainBody {
+    /// Its displacement.
+    pub field: usize,
+    /// The law reads states.
+    pub has_memory: bool,
+}
+
 /// A body deformed beyond its law.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LargeStrain {
@@ -37,7 +46,7 @@ pub struct LargeStrain {
 
 /// The displacements with laws of small strains, by number; whether their size matters in a scene without units.
 #[must_use]
-pub fn small_strain_bodies(system: &System) -> Vec<(usize, bool)> {
+pub fn small_strain_bodies(system: &System) -> Vec<SmallStrainBody> {
     let dim = system.mesh.dim();
     let vector = |k: &usize| {
         let f = &system.fields[*k];
@@ -46,7 +55,7 @@ pub fn small_strain_bodies(system: &System) -> Vec<(usize, bool)> {
     };
     let small = |k: &usize| strains_of(system, *k) == Some(Strains::Small);
     let all = (0..system.fields.len()).filter(|k| dim > 1 && vector(k) && system.team().all(small(k)));
-    all.map(|k| (k, has_memory(system, k))).collect()
+    all.map(|field| SmallStrainBody { field, has_memory: has_memory(system, field) }).collect()
 }
 
 /// True for a body with a law that reads states.
@@ -62,11 +71,12 @@ fn has_memory(system: &System, field: usize) -> bool {
 
 /// The bodies among these that are deformed beyond their laws at `u`.
 #[must_use]
-pub fn large_strains(system: &System, u: &[f64], bodies: &[(usize, bool)]) -> Vec<LargeStrain> {
-    bodies.iter().filter_map(|(field, memory)| large_strain(system, u, *field, *memory)).collect()
+pub fn large_strains(system: &System, u: &[f64], bodies: &[SmallStrainBody]) -> Vec<LargeStrain> {
+    bodies.iter().filter_map(|body| large_strain(system, u, *body)).collect()
 }
 
-fn large_strain(system: &System, u: &[f64], field: usize, has_memory: bool) -> Option<LargeStrain> {
+fn large_strain(system: &System, u: &[f64], body: SmallStrainBody) -> Option<LargeStrain> {
+    let SmallStrainBody { field, has_memory } = body;
     let (f, range) = (&system.fields[field], system.range(field)?);
     let FieldSpace::Nodal(space) = &f.space else { return None };
     let (values, team) = (&u[range], system.team());

@@ -6,7 +6,7 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-use wfl::{Diagnostic, SourceMap, one_per_cause, render, visible};
+use wfl::{Diagnostic, SourceMap, one_per_cause, render, render_coloured, visible};
 use wfl_tasks::{
     Loaded,
     scene_file::{read_scene, read_scene_with_knobs},
@@ -34,11 +34,12 @@ fn or_told(read: Result<Loaded, String>) -> Option<Loaded> {
 
 /// Prints messages to standard error, each cause once, with colour on a terminal.
 pub(crate) fn print_all(diagnostics: &[Diagnostic], sources: &SourceMap) {
-    let color = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let coloured = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let render = if coloured { render_coloured } else { render };
     let (told, more) = one_per_cause(diagnostics, sources);
     for d in told {
         // colours are our own; what the scene says is made visible inside
-        let text = format!("{}\n", render(&d, sources, color));
+        let text = format!("{}\n", render(&d, sources));
         if !is_kept(&text) {
             let _ = std::io::stderr().lock().write_all(text.as_bytes());
         }

@@ -108,10 +108,9 @@ pub(crate) fn endings(files: &[(&Option<PathBuf>, &str)]) -> Result<(), String> 
 
 /// Writes pictures; says which files, or why not.
 fn written(args: &PlotArgs, pictures: &[Picture]) -> Result<String, String> {
-    let several = pictures.len() > 1;
     let mut said = String::new();
     for picture in pictures {
-        for (file, kind) in files(args, picture, several) {
+        for (file, kind) in files(args, picture, pictures) {
             let bytes = match kind {
                 Kind::Svg => picture.chart.svg().into_bytes(),
                 Kind::Png => picture.chart.png().map_err(|e| format!("error: {e}\n"))?,
@@ -133,9 +132,9 @@ enum Kind {
 
 /// Where a picture goes: the files that are named, with its own name behind if there are several; a PNG named after the
 /// field in this folder if none is.
-fn files(args: &PlotArgs, picture: &Picture, several: bool) -> Vec<(PathBuf, Kind)> {
+fn files(args: &PlotArgs, picture: &Picture, all: &[Picture]) -> Vec<(PathBuf, Kind)> {
     let named = |file: &Path| {
-        if !several {
+        if all.len() == 1 {
             return file.to_owned();
         }
         let stem = file.file_stem().unwrap_or_default().to_string_lossy();

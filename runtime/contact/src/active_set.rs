@@ -9,7 +9,8 @@ use super::{Complementarity, ContactTerm, ProjectionState, Regularisation};
 use wfl_discrete::assemble::FieldValues;
 use wfl_discrete::system::{System, TermBranches};
 
-/// Part of the argument across the direction of slip that a point keeps which slides at twice its bound.
+/// Part of the argument across the direction of slip that a point keeps which slides at twice its bound: the factor of
+/// a ball at an argument of twice its radius.
 const ACROSS: f64 = 0.5;
 
 /// Which points may close at a start at which all are open.
@@ -102,7 +103,7 @@ impl ContactTerm {
             for p in self.projections.iter().filter(|p| p.kind == ProjectionKind::Ball) {
                 let x = &out[p.output..][..p.n];
                 let length = x.iter().fold(0.0f64, |m, x| m.hypot(*x));
-                p.branch.set_sticks(data, 0, false);
+                p.branch.slip(data);
                 let slip = p.branch.slip_mut(data);
                 *slip.across = ACROSS;
                 for (slot, x) in slip.along.iter_mut().zip(x) {
@@ -203,14 +204,17 @@ impl Choice {
                 let t = &out[p.output + p.n..][..p.n];
                 for k in 0..p.n {
                     let y = self.ratio.map_or(x[k], |c| t[k] + c * (x[k] - t[k]));
-                    p.branch.set_sticks(point, k, y >= 0.0);
+                    p.branch.close_by(point, k, y);
                 }
             }
             ProjectionKind::Ball => {
                 let radius = self.friction * out[p.output + p.n];
                 let t = if self.ratio.is_some() { &out[p.output + p.n + 1..][..p.n] } else { &x[..] };
-                let sticks = ball(x, t, radius, self.ratio.unwrap_or(1.0), p.branch.slip_mut(point));
-                p.branch.set_sticks(point, 0, sticks);
+                if ball(x, t, radius, self.ratio.unwrap_or(1.0), p.branch.slip_mut(point)) {
+                    p.branch.stick(point);
+                } else {
+                    p.branch.slip(point);
+                }
             }
         }
     }

@@ -25,13 +25,13 @@ const ZIGZAG: f64 = 0.2;
 const FOURTH: f64 = 2.0;
 /// The part of the area inside the zone whose faces must have so much: edges of punches and of the zone have less.
 const AREA: f64 = 1.0 / 3.0;
-/// Faces, and points on them, below which a zone has no inside.
+/// Faces, and points on them, below which a zone has no inside: a fourth difference needs neighbours on both sides.
 const FEWEST: [usize; 2] = [2, 4];
 /// Neighbours of a point on a surface; on a line there are two.
 const ON_SURFACE: usize = 8;
 /// Factors whose sizes have a larger sum extrapolate; those of a mean have the sum 1.
 const INSIDE: f64 = 1.5;
-/// Points nearer than this part of the size of their face are one.
+/// Points nearer than this part of the size of their face are one: coordinates in files have six digits at least.
 const ONE: f64 = 1e-6;
 
 /// A zigzag of the pressure of a term.

@@ -16,12 +16,12 @@ use wfl_discrete::{
 
 use super::{
     ContactTerm,
+    regularisation::AS_WRITTEN,
     slopes::{is_displacement, is_traction},
 };
 
-/// The factor on friction of the law as it is written.
-const AS_WRITTEN: f64 = 1.0;
-/// Singular values below this part of the largest slope are zero.
+/// Singular values below this part of the largest slope are zero: slopes are differences or products of a few numbers,
+/// known to some hundred roundoffs.
 const NO_SLOPE: f64 = 1e-9;
 
 /// A point at one state.

@@ -10,7 +10,8 @@ use wfl_host::team::Team;
 
 use super::{ContactTerm, ProjectionState};
 
-/// On a ray with a slip direction that turns, the part of the length of the argument by which it may move sideways.
+/// On a ray with a slip direction that turns, the part of the length of the argument by which it may move sideways: on
+/// an arc of half a radian a chord is right to a tenth.
 const TURN: f64 = 0.5;
 
 /// Where a branch changes.
@@ -130,8 +131,9 @@ impl ContactTerm {
                     ProjectionKind::HalfLine => {
                         for entry in 0..p.n {
                             let (x, slope) = line(a, b, p.output + entry, ray.sign);
-                            let closed = p.branch.sticks(data, entry);
-                            if let Some(at) = half_line(x, slope, closed) {
+                            let is_closed = p.branch.sticks(data, entry);
+                            let at = if is_closed { opens_at(x, slope) } else { closes_at(x, slope) };
+                            if let Some(at) = at {
                                 found.push(Breakpoint { at, place: Place { point, projection: k, entry } });
                             }
                         }
@@ -193,10 +195,14 @@ fn line(a: &[f64], b: &[f64], k: usize, sign: f64) -> (f64, f64) {
     (a[k], sign * (b[k] - a[k]))
 }
 
-/// Where an argument leaves its half line: a point that is beyond already leaves at once if it goes further.
-fn half_line(x: f64, slope: f64, closed: bool) -> Option<f64> {
-    let leaves = if closed { slope < 0.0 } else { slope > 0.0 };
-    leaves.then(|| (-x / slope).max(0.0))
+/// Where the argument of a closed entry becomes negative: one that is already opens at once if it goes further.
+fn opens_at(x: f64, slope: f64) -> Option<f64> {
+    (slope < 0.0).then(|| (-x / slope).max(0.0))
+}
+
+/// Where the argument of an open entry becomes positive, likewise.
+fn closes_at(x: f64, slope: f64) -> Option<f64> {
+    (slope > 0.0).then(|| (-x / slope).max(0.0))
 }
 
 /// The argument of a ball along a ray: q(s) = |x|² - r² = a s² + b s + c.
@@ -311,9 +317,9 @@ mod tests {
         assert_eq!(ball(there, [2.0, 0.0, 2.0], -1.0).breakpoint(false), Some(0.0));
         let across = ball(there, [2.0, 0.0, 2.0], -1.0).breakpoint(true).unwrap();
         assert!((across - 2.0).abs() < 1e-15, "on the other side of the ball: {across}");
-        assert_eq!(half_line(0.0, 1.0, true), None);
-        assert_eq!(half_line(-1e-17, -1.0, true), Some(0.0));
-        assert_eq!(half_line(-3.0, 2.0, false), Some(1.5));
+        assert_eq!(opens_at(0.0, 1.0), None);
+        assert_eq!(opens_at(-1e-17, -1.0), Some(0.0));
+        assert_eq!(closes_at(-3.0, 2.0), Some(1.5));
     }
 
     use crate::{
@@ -433,7 +439,7 @@ mod tests {
             let point = [9.0, 9.0, x[0], x[1], 1.0, 0.0, 0.0];
             ProjectionState::of(&[&point, &point])
         };
-        contact.terms()[0].projections.iter().for_each(|p| p.branch.set_sticks(&mut data.points, 0, false));
+        contact.terms()[0].projections.iter().for_each(|p| p.branch.slip(&mut data.points));
         let room = |to: [f64; 2]| {
             let (from, to) = (at([4.0, 0.0]), at(to));
             contact.terms()[0].breakpoints(Ray { from: &from, to: &to, sign: 1.0 }, &data, 1.0).1

@@ -30,7 +30,8 @@ use wfl_discrete::{
 /// Where what gradients change in the derivatives of an argument changes the gap in it by more than this part of the
 /// argument, the normal of the law has turned.
 const TURNED: f64 = 0.1;
-/// A derivative along the normal below this part of the largest is none.
+/// A derivative along the normal below this part of the largest is none: far above roundoff, and far below what a law
+/// that closes along its normal has.
 const ALONG: f64 = 1e-6;
 
 /// See the module.

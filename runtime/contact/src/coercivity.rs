@@ -37,7 +37,7 @@ const FACETS: usize = 8;
 const USUAL: std::ops::RangeInclusive<f64> = 1e-5..=1e6;
 /// Modes of a cell below this part of the largest stiffness are rigid motions.
 const RIGID: f64 = 1e-11;
-/// Numbers that differ by less, relative, differ by rounding.
+/// Numbers that differ by less, relative, differ by rounding: of eigenvalues, known to some hundred roundoffs.
 const SAME: f64 = 1e-9;
 /// An argument below this part of the first one is closed, and the motions that are tried for it: a distance along a curved
 /// obstacle takes about five.

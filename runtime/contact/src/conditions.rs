@@ -19,6 +19,7 @@ use super::{
     Contact, ContactTerm,
     alternation::{Alternation, PointGraph},
     careful::{Careful, gap_of},
+    regularisation::AS_WRITTEN,
     slopes::{is_displacement, is_traction},
 };
 use wfl_discrete::assemble::{AssembledTerm, Bound, FieldValues, Workspace};
@@ -90,18 +91,19 @@ pub enum Look {
     Careful,
 }
 
-/// Work below this part of what it is if every component of a force resists has no sign.
+/// Work below this part of what it is if every component of a force resists has no sign: work of what rounding leaves
+/// of a force, which cancels.
 const SIGNLESS: f64 = 1e-6;
-/// The factor on friction of the law as it is written.
-const AS_WRITTEN: f64 = 1.0;
-/// A point slides if more than this part of its slip is beyond the friction bound.
+/// A point slides if more than this part of its slip is beyond the friction bound: the larger part of the slip decides.
 const MOSTLY: f64 = 0.5;
 /// A traction along the face may leave the cone by this part of the pressure: it is made of the same stresses, which a mesh
 /// of few faces a zone of contact has to a tenth. Beside a small friction bound that is much.
 const BETWEEN: f64 = 0.1;
-/// Roundoff of a difference of displacements and of the stresses beside it, in parts of the largest displacement.
+/// Roundoff of a difference of displacements and of the stresses beside it, in parts of the largest displacement: some
+/// tens of operations, each rounded.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
-/// A motion below this part of the largest displacement has no direction, and an overlap that the law resists is none.
+/// A motion below this part of the largest displacement has no direction, and an overlap that the law resists is none:
+/// above the roundoff of displacements of which a difference is made, and below any that is seen.
 const STILL: f64 = 1e-9;
 /// Overlap, or sliding of points that stick, beyond this part of the largest displacement may be that of an elastic joint.
 const STRAINED: f64 = 0.1;
@@ -183,11 +185,12 @@ impl Violations {
         }
     }
 
-    fn add_normal(&mut self, at: &Point<'_>, presses: bool, pulls: impl FnOnce() -> bool) {
+    fn add_normal(&mut self, at: &Point<'_>, pulls: impl FnOnce() -> bool) {
         if !at.turns {
             self.penetration = at.gap.iter().fold(self.penetration, |m, g| m.max(g / at.slope));
         }
-        if presses {
+        // one number that is positive is a pressure
+        if matches!(at.x, [x] if *x > 0.0) {
             self.pulled.add(at.weight, pulls());
         }
     }
@@ -321,7 +324,7 @@ impl ContactTerm {
                     ProjectionKind::HalfLine => {
                         pressure = pressure.max(if p.n == 1 { at.x[0] } else { 0.0 });
                         presses |= p.n == 1 && at.x[0] > STILL * moved * slope;
-                        found.add_normal(&at, p.n == 1 && at.x[0] > 0.0, || works_along(&[1.0]));
+                        found.add_normal(&at, || works_along(&[1.0]));
                     }
                     ProjectionKind::Ball => {
                         found.add_tangential(&at, full[p.output + p.n], works_along);

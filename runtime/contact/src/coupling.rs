@@ -21,7 +21,8 @@ pub enum Friction {
     Slips,
 }
 
-/// What sets the numbers of a state apart that is like no other: the golden section.
+/// Factor that sets the numbers of a state apart that is like no other: the golden section, far from every ratio of small
+/// numbers.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
 /// True for a term in which a multiplier has a part.

@@ -25,6 +25,7 @@ use super::{
     Contact, ContactTerm,
     at_points::{Motions, Point},
     creep::{Creep, Lost, Sticking},
+    regularisation::AS_WRITTEN,
     slopes::is_displacement,
 };
 use wfl_discrete::{
@@ -34,8 +35,6 @@ use wfl_discrete::{
     value::uniforms_at,
 };
 
-/// The factor on friction of the law as it is written.
-const AS_WRITTEN: f64 = 1.0;
 /// A law is one of increments if its argument changes by less than this part when past and present move together, and it
 /// forgets a point if less than this part of the slip there is left when the past is renewed: rounding.
 const NOTHING: f64 = 1e-6;

@@ -20,11 +20,11 @@ use wfl_discrete::{
 
 use super::{ContactTerm, slopes::is_traction};
 
-/// Openings that are tried, in parts of the largest displacement.
+/// Openings that are tried, in parts of the largest displacement: what holds may be far softer or far stiffer than the bodies.
 const OPENINGS: [f64; 6] = [1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0];
-/// The force of twice an opening has at least this part more than that of the opening has.
+/// Twice an opening adds at least this part of the force that the opening has added: a joint pulls the more the further it opens.
 const GROWS: f64 = 0.5;
-/// A tension counts beyond this multiple of the initial traction.
+/// A tension counts beyond this multiple of the initial traction: a tension as large as that may be what is left of it.
 const INITIAL: f64 = 2.0;
 
 impl ContactTerm {

@@ -294,16 +294,14 @@ impl Contact {
     }
 
     /// The part of a full step to `u` after which the projections are nearer to their laws; exact where the bodies are
-    /// linear. The next choice of the active set starts from there. The first step is full, and so is one that is not
-    /// to be searched. Between bodies that are not linear the way is another one than is looked at: where nothing helps on
+    /// linear. The next choice of the active set starts from there. The first step is full. Between bodies that are not linear the way is another one than is looked at: where nothing helps on
     /// two corrections running the second one is taken as it is.
-    pub fn search(&mut self, system: &System, u: &[f64], searches: bool) -> f64 {
-        let to = self.read(system, u);
-        if self.states.is_empty() || !searches {
-            self.states = to;
-            self.is_held = false;
+    pub fn search(&mut self, system: &System, u: &[f64]) -> f64 {
+        if self.states.is_empty() {
+            self.take_full_step(system, u);
             return 1.0;
         }
+        let to = self.read(system, u);
         let mut from = std::mem::take(&mut self.states);
         let (part, descends) = projection_state::search(self, &mut from, &to);
         if !descends && self.is_held && system.has_nonlinear_bodies() {
@@ -314,6 +312,12 @@ impl Contact {
         self.states = from;
         self.is_held = !descends;
         part
+    }
+
+    /// Takes a full step to `u` as it is: the next choice of the active set starts there.
+    pub fn take_full_step(&mut self, system: &System, u: &[f64]) {
+        self.states = self.read(system, u);
+        self.is_held = false;
     }
 
     /// Freezes the branches of the terms as they are written at `u`.

@@ -13,11 +13,13 @@ use super::{Complementarity, Contact, ContactTerm};
 use wfl_discrete::assemble::FieldValues;
 use wfl_mesh::mesh::Mesh;
 
-/// A step is taken that reduces the defect by this part of its length.
+/// A step is taken that reduces the defect by this part of its length: any descent counts that is more than rounding, as in the
+/// search on the residual.
 const SUFFICIENT: f64 = 1e-4;
-/// Longest way ahead in units of the last.
+/// Longest way ahead in units of the last: two increments further a path that bends is another one.
 const FURTHEST: f64 = 2.0;
-/// Halvings before the best of those tried is taken.
+/// Halvings before the best of those tried is taken: the shortest is a ten thousandth. The projections are at hand, so that one
+/// costs no residual.
 const MAX_HALVINGS: i32 = 13;
 
 /// Arguments, radii and values of the projections of a term at its points.

@@ -1,6 +1,9 @@
 //! The law of contact between what is easy to solve and what is written: one homotopy with three parameters.
 
-/// The stiffness of the layer between the sides while contact is compliant, in units of that of the bodies.
+/// Factor on friction of a law as it is written: one, by definition.
+pub(super) const AS_WRITTEN: f64 = 1.0;
+/// The stiffness of the layer between the sides while contact is compliant, in units of that of the bodies: with a tenth,
+/// three and ten there are more iterations (`docs/newton.md`).
 const LAYER: f64 = 0.3;
 /// After so many choices in a step the scaling grows by a factor each time, up to a bound: what is left then are
 /// directions of slip, which converge faster near the arguments as written.

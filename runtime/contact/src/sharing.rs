@@ -20,6 +20,7 @@ pub(super) struct SharedPoints {
 impl SharedPoints {
     pub(super) fn new(mesh: &Mesh, domain: &Domain) -> Self {
         let (mut counted, mut names) = (Vec::new(), Vec::new());
+        let is_alone = mesh.holders().is_alone();
         for group in &domain.groups {
             let key = group.key.iter().fold(0, |word, byte| word << 8 | u64::from(*byte));
             for k in 0..group.entities.len() {
@@ -28,7 +29,7 @@ impl SharedPoints {
                     let q = group.here.row(k, q) as u64;
                     counted.push(counts);
                     // points of one entity may stand in several groups where images are found in other cells
-                    names.push(if mesh.is_whole() { [0, names.len() as u64] } else { [key, cell << 16 | q] });
+                    names.push(if is_alone { [0, names.len() as u64] } else { [key, cell << 16 | q] });
                 }
             }
         }

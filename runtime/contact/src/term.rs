@@ -18,7 +18,7 @@ use wfl_discrete::system::{System, TermBranches};
 use wfl_discrete::value::{Sampled, Value};
 use wfl_mesh::mesh::Mesh;
 
-/// Below this `c` contact is stiff against the bodies.
+/// Below this `c`, a factor on what the argument of a projection has beyond its value, contact is stiff against the bodies.
 pub(super) const STIFF: f64 = 0.1;
 
 /// The projections of one term.

@@ -7,7 +7,7 @@ use super::*;
 fn read(overlap: f64, slip: f64) -> Block {
     let mut block = Block::with_friction(1);
     let u = block.moved([slip, -overlap], [0.0; 2]);
-    block.contact.search(&block.system, &u, true);
+    block.contact.search(&block.system, &u);
     block
 }
 
@@ -36,10 +36,10 @@ fn a_share_of_no_points_is_none() {
 fn the_first_step_is_taken_as_a_whole_and_so_is_one_that_is_not_searched() {
     let mut block = Block::with_friction(1);
     let pressed = block.moved([0.0, -0.1], [0.0; 2]);
-    assert_eq!(block.contact.search(&block.system, &pressed, true), 1.0);
+    assert_eq!(block.contact.search(&block.system, &pressed), 1.0);
     // all are open, where the values are to be those of contact: no state on the way is nearer
     let lifted = block.moved([0.0, 0.1], [0.0; 2]);
-    assert_eq!(block.contact.search(&block.system, &lifted, false), 1.0);
+    block.contact.take_full_step(&block.system, &lifted);
     assert_eq!(block.contact.states, block.contact.read(&block.system, &lifted));
 }
 

@@ -60,11 +60,14 @@ pub fn entity_geometries(mesh: &Mesh, region: &RegionSet) -> Vec<EntityGeometry>
         RegionSet::Edges(edges) => edges.iter().map(|e| of_edge(*e)).collect(),
         RegionSet::Nodes(_) => BTreeSet::new(),
     };
-    if mesh.is_whole() { shapes.into_iter().collect() } else { shapes_of_all(&shapes, mesh.team()) }
+    shapes_of_all(shapes, mesh.holders())
 }
 
 /// The shapes that some rank has.
-fn shapes_of_all(own: &BTreeSet<EntityGeometry>, team: &dyn Team) -> Vec<EntityGeometry> {
+fn shapes_of_all(own: BTreeSet<EntityGeometry>, team: &dyn Team) -> Vec<EntityGeometry> {
+    if team.is_alone() {
+        return own.into_iter().collect();
+    }
     // cells of dimension 3 at most, maps of order 2 at most
     let all = (0..2 * 4 * 4).map(|k| EntityGeometry { tensor: k / 16 == 1, dim: k / 4 % 4, order: k % 4 });
     let all: Vec<EntityGeometry> = all.collect();
@@ -184,9 +187,13 @@ impl Group {
         }
     }
 
-    /// What all ranks call an entity of the group: no other entity of the domain has this number.
+    /// What all ranks call an entity of the group: no other entity of the domain has this number. Where each has the whole
+    /// mesh, that is its place in the domain.
     #[must_use]
     pub fn name(&self, mesh: &Mesh, k: usize) -> usize {
+        if mesh.is_whole() {
+            return self.entities[k];
+        }
         let local = self.here.facets.get(k).map_or(u8::MAX, |facet| facet.local);
         // a cell has six facets at most, and these four edges
         let edge = self.edge.map_or(0, |edge| (edge.local + 1) << 4);
@@ -339,11 +346,11 @@ impl Domain {
     /// The number of entities on all ranks.
     #[must_use]
     pub fn n_of_all(&self, mesh: &Mesh) -> usize {
-        if mesh.is_whole() {
+        if mesh.holders().is_alone() {
             return self.n_entities;
         }
         let own = self.groups.iter().map(|g| (0..g.entities.len()).filter(|k| g.is_counted(mesh, *k)).count()).sum();
-        mesh.team().count(own)
+        mesh.holders().count(own)
     }
 
     /// By group where its entities stand among those of all ranks, made by all of them together: on facets in the order in
@@ -351,7 +358,7 @@ impl Domain {
     #[must_use]
     pub fn places(&self, mesh: &Mesh) -> Vec<Places> {
         let counted = |g: &Group| -> Vec<bool> { (0..g.entities.len()).map(|k| g.is_counted(mesh, k)).collect() };
-        if mesh.is_whole() {
+        if mesh.holders().is_alone() {
             let mut before = 0;
             let place = |g: &Group| {
                 let of = (0..).zip(counted(g)).map(|(k, counts)| counts.then_some(k)).collect();

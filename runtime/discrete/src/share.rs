@@ -52,7 +52,7 @@ impl Share {
         }
         numbering.ties().iter().for_each(|tie| owner[tie.follower] = owner[tie.leader]);
         let own = u16::try_from(team.rank()).expect("fewer than 2^16 ranks");
-        let halo = if mesh.is_whole() {
+        let halo = if mesh.holders().is_alone() {
             Halo::of_all(&*team, &owner)
         } else {
             halo_of_parts(&*team, own, &owner, &NumbersOfWhole::new(fields, numbering))

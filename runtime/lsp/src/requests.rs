@@ -56,7 +56,7 @@ pub(crate) fn answer(state: &State, request: &Request) -> Result<Value, Refused>
             state,
             request,
             |p: &ReferenceParams| &p.text_document_position.text_document,
-            |v, p| Ok(navigate::references(v, p.text_document_position.position, p.context.include_declaration)),
+            |v, p| Ok(navigate::references(v, p.text_document_position.position, &p.context)),
         ),
         "textDocument/documentHighlight" => about(
             state,
@@ -133,7 +133,7 @@ fn command(state: &State, request: &Request) -> Result<Value, Refused> {
     let path = places::file(&uri).ok_or_else(|| Refused::new("the scene is no file: save it first"))?;
     let root = state.files.root(&path);
     match params.command.as_str() {
-        outline::CHECK => state.ask(&root, true),
+        outline::CHECK => state.ask(&root),
         outline::RUN => state.run(&root).map_err(Refused::new)?,
         other => return Err(Refused::new(format!("there is no command {other}"))),
     }

@@ -120,13 +120,22 @@ impl State {
             Err(_) => self.analyses.remove(root),
         };
         self.publish(root);
-        self.ask(root, false);
+        self.check(self.job(root));
     }
 
-    /// Asks for a check of a scene.
-    pub(crate) fn ask(&self, root: &Path, asked: bool) {
+    /// Checks a scene for someone who is shown the outcome.
+    pub(crate) fn ask(&self, root: &Path) {
+        self.check(Job { asked: true, ..self.job(root) });
+    }
+
+    /// A check of a scene as its texts are now.
+    fn job(&self, root: &Path) -> Job {
+        Job { root: root.to_owned(), open: self.files.open.clone(), asked: false }
+    }
+
+    fn check(&self, job: Job) {
         // the loop ends where the thread has
-        let _ = self.jobs.send(Job { root: root.to_owned(), open: self.files.open.clone(), asked });
+        let _ = self.jobs.send(job);
     }
 
     /// The check of a scene has ended.

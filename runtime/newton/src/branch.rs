@@ -27,12 +27,14 @@ use wfl_sparse::{
 const SMALLEST_SHIFT: f64 = 1e-14;
 const SHIFT_FACTOR: f64 = 8.0;
 const LARGEST_SHIFT: f64 = 1e3;
-/// Inverse iterations for the lowest direction, and the change of its curvature at which they end.
+/// Inverse iterations for the lowest direction, and the relative change of its curvature at which they end: what is looked
+/// for is its sign and a direction that leads away, no digits of either.
 const INVERSE_ITERATIONS: usize = 60;
 const SETTLED: f64 = 1e-3;
 /// Equilibria that may be left in one step: each may have a direction of its own.
 const MOST_BRANCHES: usize = 8;
-/// A part of the size of loads below this pushes to no side.
+/// Work on the direction below this part of the size of the loads pushes to no side: it is rounding of what cancels, and the
+/// direction is taken as it is numbered.
 const NO_SIDE: f64 = 1e-10;
 
 /// Leaves an equilibrium that is not a minimum, pushed by `size` times the extent of the mesh. What was done, or `None`

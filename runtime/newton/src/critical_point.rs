@@ -20,14 +20,17 @@ use wfl_discrete::system::System;
 /// factor each time.
 const DOWNHILL_LEFT: f64 = 0.1;
 const UPHILL_LEFT: f64 = 0.5;
-/// A full step that leaves this part of the residual norm is taken.
+/// A full step that leaves this part of the residual norm is taken: Newton converges there, and a better length costs another
+/// residual.
 const GOOD: f64 = 0.25;
-/// More than this part of the residual norm is much.
+/// More than this part of the residual norm is much: with less the bodies have all but arrived, and contact decides the step.
 const OPEN: f64 = 0.1;
-/// Most trials, and the longest way in units of the correction.
+/// Most trials, and the longest way in units of the correction: six doublings, and halvings of a logarithm from there to
+/// corrections that are thousands of times too long (power laws, `docs/newton.md`).
 const MOST_TRIALS: usize = 60;
 const LONGEST: f64 = 64.0;
-/// By what a step is cut that goes uphill, before one that goes downhill is known.
+/// Factor by which a step is cut that goes uphill, before one that goes downhill is known: from a correction a thousand times
+/// too long four residuals.
 const UPHILL_CUT: f64 = 1.0 / 8.0;
 
 /// True if some body is not linear and what the correction is of may have an energy.
@@ -103,7 +106,7 @@ impl CriticalPoint<'_> {
                     let there = slope(&found.residual);
                     let good = alpha == 1.0 && found.norm <= GOOD * here.norm;
                     if low_enough(there / first) || good || found.stop(step.options).is_some() {
-                        return self.taken(step, u, start, (alpha, found), forces.is_none()).map(Some);
+                        return self.taken(step, u, start, (alpha, found), forces.as_deref()).map(Some);
                     }
                     if there < 0.0 {
                         low = alpha
@@ -113,7 +116,7 @@ impl CriticalPoint<'_> {
                     if high == f64::INFINITY {
                         let most = *allowed.get_or_insert_with(|| step.longest_step(&base, &motion, LONGEST));
                         if alpha >= 0.5 * most {
-                            return self.taken(step, u, start, (alpha, found), forces.is_none()).map(Some);
+                            return self.taken(step, u, start, (alpha, found), forces.as_deref()).map(Some);
                         }
                     }
                 }
@@ -128,17 +131,18 @@ impl CriticalPoint<'_> {
         Ok(None)
     }
 
-    /// The step that is taken: multipliers go as far as the bodies do, at most to what the correction leads to.
+    /// The step that is taken: multipliers, where there are forces of theirs, go as far as the bodies do, at most to what the
+    /// correction leads to.
     fn taken(
         &self,
         step: &mut LoadStep<'_>,
         u: &mut [f64],
         start: &[f64],
         end: (f64, Measured),
-        bodies_alone: bool,
+        forces: Option<&[f64]>,
     ) -> Result<(f64, Measured), NewtonError> {
         let (alpha, found) = end;
-        if bodies_alone || alpha >= 1.0 {
+        if forces.is_none() || alpha >= 1.0 {
             return Ok((alpha, found));
         }
         step.go(start, self.direction, alpha, u);

@@ -10,12 +10,14 @@
 
 use super::method::Method;
 
-/// Parts in which friction is brought to what is written, and iterations for each but the last.
+/// Parts in which friction is brought to what is written, and iterations for each but the last: a part moves few points from
+/// stick to slip, and an active set that has few to change needs few iterations.
 pub(super) const FRICTION_PARTS: usize = 8;
 pub(super) const FRICTION_BUDGET: usize = 5;
-/// What friction begins with above what is written, in units of it.
+/// What friction begins with above what is written, in units of it: from eight times as much on, where more points stick.
 const MORE_FRICTION: f64 = 7.0;
-/// Overstress at first, in parts of the stiffness of the bodies.
+/// Overstress at first, in parts of the stiffness of the bodies: so much that each point yields on its own (see above), and
+/// so little that few iterations take it away.
 const FIRST: f64 = 0.15;
 /// What an iteration leaves of it: where no more than this part of the points changed branches, and where more did.
 const CALM: f64 = 0.1;

@@ -17,10 +17,11 @@ use super::{
 const OF_THE_CHANGES: f64 = 0.01;
 /// The part of that which is asked for, so that it is met in one attempt more often than not.
 const ASKED: f64 = 0.3;
-/// The first attempt at a correction leaves no more than this, and no attempt is asked for less than a few digits.
+/// The first attempt at a correction leaves no more than this, relative to its right-hand side, and a later one is asked for
+/// a digit at least.
 const FIRST: f64 = 1e-3;
 const LEAST: f64 = 0.1;
-/// The most that one attempt is asked for while branches change: they may change for what the last has left.
+/// The most that one attempt is asked for while branches change, relative to what is left: they may change for what the last has left.
 const MOST: f64 = 1e-4;
 /// What the last solution of a step may leave, relative to the tolerance: less than shows in any measure.
 const OF_THE_TOLERANCE: f64 = 1e-4;

@@ -18,9 +18,10 @@ use wfl_discrete::assemble::VolumeLimit;
 use wfl_discrete::field::FieldSpace;
 use wfl_discrete::system::{Branches, FIXED, Form, System};
 
-/// Part of the motion by which the forces on the free dofs are differenced.
+/// Part of the motion by which the forces on the free dofs are differenced: of laws that are not linear it misses a part of
+/// this size, and rounding leaves ten digits of the difference.
 const PART: f64 = 1e-6;
-/// What the solution may leave of the right-hand side.
+/// What the solution may leave, relative to its right-hand side: no more digits than the differences have.
 const LEFT: f64 = 1e-6;
 
 /// Least part of a correction that is worth a tangent of its own: where less than this can be evaluated, smaller
@@ -109,9 +110,10 @@ fn linear_response(step: &mut LoadStep<'_>, at: &[f64], given: &[f64]) -> Result
     Ok(correction)
 }
 
-/// Slope of the displaced start, in units of the field over the extent of the mesh.
+/// Slope of the displaced start, in units of the field over the extent of the mesh: far from zero, where the tangent is
+/// singular, and small beside what bodies are deformed by.
 const SLOPE: f64 = 1e-2;
-/// What sets the components and directions of the slope apart: the golden section, far from every ratio of small
+/// Factor that sets the components and directions of the slope apart: the golden section, far from every ratio of small
 /// numbers.
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 

@@ -12,7 +12,7 @@ use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, SolveError, 
 
 use super::plan::{Extent, LinearPlan};
 
-/// Unknowns of a mesh in three dimensions that the models below were measured with.
+/// The number of unknowns of a mesh in three dimensions that the models below were measured with.
 const REFERENCE: f64 = 1e5;
 /// Bytes of a factor for each unknown there; they grow with the third root of the number of unknowns, as planes that cut
 /// a cube do (George 1973). Measured on cubes of trilinear hexahedra: 2.7 GB for 108,000 unknowns, 12.7 GB for 353,000.

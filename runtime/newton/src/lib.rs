@@ -69,7 +69,7 @@ pub const LARGEST_TOLERANCE: f64 = 0.1;
 /// little of where it came from.
 pub const LARGEST_PERTURBATION: f64 = 0.1;
 
-/// Default relative tolerance.
+/// Default relative tolerance: Newton converges quadratically there, so that it costs one iteration more than 1e-5.
 pub const DEFAULT_TOLERANCE: f64 = 1e-10;
 
 impl Default for NewtonOptions {

@@ -8,16 +8,19 @@ use super::{
     load_step::{Measured, Norm},
 };
 
-/// Most of the residual at hand that a linear solve may leave.
+/// What a linear solve may leave, relative to the residual at hand: no more than a full step has to gain at least.
 pub(super) const LARGEST_FORCING: f64 = 1e-4;
-/// Halvings of a step before the best one seen is taken.
+/// Halvings of a step before the best one seen is taken: the shortest is a thousandth. With three to five nearly incompressible
+/// bodies fail (`docs/newton.md`).
 const MAX_HALVINGS: usize = 10;
-/// A step to a state that is not finite is cut by this, down to the shortest.
+/// Factor by which a step to a state that is not finite is cut, down to the shortest: fifty cuts, since a correction may lead out
+/// of the domain of a function by any power of ten.
 const DOMAIN_CUT: f64 = 1.0 / 16.0;
 const SHORTEST: f64 = 1e-60;
-/// A step is accepted when it reduces the residual norm by this part of its length.
+/// A step is accepted when it reduces the residual norm by this part of its length: any descent counts that is more than
+/// rounding (the usual constant of Armijo's condition, Dennis and Schnabel 1983).
 const SUFFICIENT: f64 = 1e-4;
-/// A full step that leaves this part of the residual norm all but solves the equations.
+/// A full step that leaves this part of the residual norm all but solves the equations: no other way has to be looked at.
 const SOLVED: f64 = 0.01;
 /// A direction and how far it is followed.
 #[derive(Clone, Copy)]
@@ -186,7 +189,14 @@ impl LineSearch<'_> {
     ) -> Result<(f64, Measured), NewtonError> {
         let undamped = self.undamped
             || critical_point::applies(step.system, self.method) && critical_point::leaves_much(self.before, &found);
-        let part = if self.method.freezes() { step.contact.search(step.system, u, !undamped) } else { 1.0 };
+        let part = match self.method.freezes() {
+            true if undamped => {
+                step.contact.take_full_step(step.system, u);
+                1.0
+            }
+            true => step.contact.search(step.system, u),
+            false => 1.0,
+        };
         if part == 1.0 {
             return Ok((alpha, found));
         }

@@ -13,11 +13,12 @@ use wfl_discrete::finite::largest as largest_of;
 use wfl_discrete::system::{Branches, FIXED, Form, LinearTerms, Residual, System, Tangent};
 use wfl_sparse::solve::{SolveError, SolveReport};
 
-/// The rounding floor in units of roundoff times |K||u|.
+/// The rounding floor in units of roundoff times |K||u|: each entry of a residual is rounded about so often, and errors of
+/// different signs cancel in part.
 const FLOOR_FACTOR: f64 = 4.0;
 
-/// Forces of bodies that are strained by no more than this many units of roundoff are taken for rounding until what they
-/// are made of is known.
+/// Forces of bodies that are strained by no more than this, in units of roundoff, are taken for rounding until what they are
+/// made of is known.
 const UNSTRAINED: f64 = 1e3;
 
 /// A line search sees an equation relative to at least this part of the largest of its field: the square root of roundoff,
@@ -29,7 +30,8 @@ const LEAST_IN_SEARCH: f64 = 1.5e-8;
 /// into another basin, with cells crumpled, more often than not.
 const KEPT_OF_VOLUMES: f64 = 0.2;
 
-/// What an iteration keeps of the scales of equations in the search that were larger before.
+/// Factor of what an iteration keeps of the scales of equations in the search that were larger before: a scale that jumps up
+/// and down would let a search compare what is measured in two ways.
 const FORGETS: f64 = 0.5;
 
 /// What one load step is solved with.

@@ -17,12 +17,13 @@ use wfl_contact::Breakpoints;
 use wfl_discrete::finite::largest;
 
 /// A path is left that has gone backwards this far, in units of its length, or that is where its first breakpoint was within
-/// this part of it.
+/// this part of it: a solution lies ahead or not far behind, and rounding moves breakpoints by less.
 const FURTHEST: f64 = 100.0;
 const AGAIN: f64 = 1e-7;
-/// What may be left of a linear solve.
+/// What a linear solve may leave, relative to its right-hand side: a state stays on the path over all breakpoints.
 const UNSEEN: f64 = 1e-8;
-/// A state is on the path if the residual beside it is this part of that of the start.
+/// A state is on the path if the residual beside it is this part of that of the start: more than rounding, less than a
+/// breakpoint moves.
 const ON_THE_PATH: f64 = 1e-9;
 
 /// Where a path is.

@@ -16,11 +16,12 @@ use super::{
 use wfl_discrete::finite::largest;
 use wfl_discrete::system::LinearTerms;
 
-/// Most corrections.
+/// Most corrections: each halves the last at least, so that these are six digits.
 const MOST: usize = 20;
-/// Corrections that may pass without one of half the size of the smallest before.
+/// Corrections that may pass without one of half the size of the smallest before: one may go astray by rounding, two say that
+/// no more is to be gained.
 const PATIENCE: usize = 2;
-/// A correction so small is rounding of the unknowns themselves.
+/// A correction so small, relative to the unknowns, is rounding of them; four units of it, as the floor of residuals has.
 const ENOUGH: f64 = 4.0 * f64::EPSILON;
 
 /// True if the residual at `u`, measured as `here`, is the rounding of the matrix of the linear terms.
@@ -82,7 +83,7 @@ fn one(step: &mut LoadStep<'_>, u: &mut [f64], norm: &Norm, history: &mut StepHi
     let next = step.measure(u, norm)?;
     let mut changed = 0;
     if norm.frozen {
-        step.contact.search(step.system, u, false);
+        step.contact.take_full_step(step.system, u);
         changed = step.contact.update(history.iterations.len()).changed;
     }
     history.refined += 1;

@@ -81,7 +81,8 @@ struct Stage {
 const PATH_BUDGET: usize = 150;
 /// Breakpoints that all paths of an attempt may pass beside its iterations: as many paths as a schedule has.
 pub(super) const BUDGET_OF_PATHS: usize = 3 * PATH_BUDGET;
-/// Iterations in a row that may pass with short steps or without a smaller residual.
+/// Iterations in a row that may pass with short steps or without a smaller residual: two short steps were
+/// tested and rejected (`docs/newton.md`).
 const PATIENCE: usize = 6;
 
 /// A stage with defaults: no undamped iterations.
@@ -99,6 +100,7 @@ const fn stage(
 const SCHEDULE: &[Stage] = {
     use Method as M;
     use Trait::{Affine, Contact, Friction, OverConstrained, Stiff, Warm};
+    /// Iterations for all parts of friction, and some with friction as it is written: the last part has to converge.
     const ALL_OF_FRICTION: usize = FRICTION_PARTS * FRICTION_BUDGET + 10;
     &[
         stage(M::Overstress, 40, Stall::Never, &[Contact, OverConstrained], &[Warm]),
@@ -132,16 +134,17 @@ const SCHEDULE: &[Stage] = {
     ]
 };
 
-/// Of so many iterations in a row each steps less than this part where steps come to nothing.
+/// Of so many iterations in a row each steps less than this part of a correction where steps come to nothing.
 const STUCK: usize = 5;
 const NOTHING: f64 = 0.04;
-/// A state is met again if its branches are the same and its residual is, but for this part.
+/// A state is met again if its branches are the same and its residual is, but for this part of it: what rounding and solutions
+/// that are not exact leave of a cycle.
 const AGAIN: f64 = 1e-6;
-/// A stage may go on while the residual has halved in so many iterations.
+/// A stage may go on while the residual has halved in so many iterations: slower than that another method is worth its start.
 const PROGRESS: usize = 10;
 /// The part of the points whose change is small enough that an active set has settled.
 const FEW: f64 = 0.1;
-/// A step below this is short.
+/// A step below this part of a correction is short: two halvings are usual on the way, three are not.
 const SHORT: f64 = 0.2;
 
 /// A stage of the schedule of a scene, in words.
@@ -165,7 +168,7 @@ pub fn planned_stages(system: &System, contact: &Contact, options: NewtonOptions
     if !options.search {
         return planned(&[]).into_iter().take(1).collect();
     }
-    let known = traits_of(system, contact, false).into_iter();
+    let known = traits_of(system, contact).into_iter();
     let known: Vec<Trait> =
         known.filter(|t| t.is_of_the_scene() && (*t != Trait::Contact || !contact.is_empty())).collect();
     planned(&known)
@@ -205,7 +208,8 @@ impl Schedule {
         if search && !step.contact.is_empty() {
             let warm = step.contact.is_warm();
             step.contact.initialise(step.system, u, predicted);
-            traits = traits_of(step.system, step.contact, warm);
+            traits = traits_of(step.system, step.contact);
+            traits.extend(warm.then_some(Trait::Warm));
         }
         let mut stages: Vec<Stage> = selected(&traits).collect();
         if !search || step.system.is_linear() {
@@ -335,10 +339,10 @@ impl Schedule {
     }
 }
 
-fn traits_of(system: &System, contact: &Contact, warm: bool) -> Vec<Trait> {
+/// What a step has of its scene.
+fn traits_of(system: &System, contact: &Contact) -> Vec<Trait> {
     let all = [
         (Trait::Contact, true),
-        (Trait::Warm, warm),
         (Trait::Stiff, contact.is_stiff()),
         (Trait::OverConstrained, contact.is_over_constrained()),
         (Trait::Friction, contact.has_friction()),

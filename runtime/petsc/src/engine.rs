@@ -14,7 +14,7 @@ use wfl_host::team::{Alone, Team};
 use wfl_sparse::{
     csr::Csr,
     index::NONE,
-    solve::{Engine, Equations, NearNullSpace, NodeLayout, RowOwners, SolveError},
+    solve::{Engine, Equations, NearNullSpace, NodeLayout, RowOwners, SolveError, Symmetry},
 };
 
 use crate::{
@@ -42,7 +42,7 @@ impl From<Failure> for SolveError {
 pub(crate) struct PetscEngine {
     choice: Choice,
     equations: Arc<Equations>,
-    is_symmetric: bool,
+    symmetry: Symmetry,
     /// That of the present matrix; a factor where multigrid gave up.
     method: Method,
     /// What makes the levels of multigrid; another one where the first gave up.
@@ -77,7 +77,7 @@ struct Counts {
 }
 
 impl PetscEngine {
-    pub(crate) fn new(choice: Choice, equations: &Arc<Equations>, is_symmetric: bool) -> Result<Self, SolveError> {
+    pub(crate) fn new(choice: Choice, equations: &Arc<Equations>, symmetry: Symmetry) -> Result<Self, SolveError> {
         let owners = equations.owners.as_ref();
         if Call::begin()?.ranks().all != owners.map_or(1, |owners| owners.team.size()) {
             return Err(SolveError::Internal { what: "equations that are not shared out over the ranks" });
@@ -96,7 +96,7 @@ impl PetscEngine {
         Ok(Self {
             choice,
             equations: Arc::clone(equations),
-            is_symmetric,
+            symmetry,
             method,
             cycle: Cycle::Gamg,
             block,
@@ -114,10 +114,12 @@ impl PetscEngine {
     }
 
     fn kind(&self) -> Kind {
-        match (self.method, self.is_symmetric) {
-            (Method::Direct, true) => Kind::Cholesky,
-            (Method::Direct, false) => Kind::Lu,
-            (Method::Multigrid, true) if self.equations.traits.on_contact == 0 => Kind::ConjugateGradients,
+        match (self.method, self.symmetry) {
+            (Method::Direct, Symmetry::Symmetric) => Kind::Cholesky,
+            (Method::Direct, Symmetry::General) => Kind::Lu,
+            (Method::Multigrid, Symmetry::Symmetric) if self.equations.traits.on_contact == 0 => {
+                Kind::ConjugateGradients
+            }
             (Method::Multigrid, _) => Kind::Gmres,
         }
     }
@@ -156,7 +158,7 @@ impl PetscEngine {
     fn matrix(&self, call: &Call, parts: [&Csr; 2], hidden: &[u32], unit: f64) -> Result<Matrix, SolveError> {
         let mut rows = Rows::new(&self.numbers, parts, hidden, unit);
         let [own, others] = rows.room();
-        let mut matrix = Matrix::new(call, [&own, &others], self.block, self.is_symmetric)?;
+        let mut matrix = Matrix::new(call, [&own, &others], self.block, self.symmetry)?;
         put(call, &mut matrix, &mut rows, |_, _| true)?;
         Ok(matrix)
     }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use wfl_sparse::solve::{Engine, Equations, Library, SolveError, Traits};
+use wfl_sparse::solve::{Engine, Equations, Library, SolveError, Symmetry, Traits};
 
 use crate::{
     engine::PetscEngine,
@@ -36,7 +36,7 @@ impl Library for Petsc {
         in_words(self.0, traits)
     }
 
-    fn engine(&self, equations: &Arc<Equations>, is_symmetric: bool) -> Result<Box<dyn Engine + Send>, SolveError> {
-        Ok(Box::new(PetscEngine::new(self.0, equations, is_symmetric)?))
+    fn engine(&self, equations: &Arc<Equations>, symmetry: Symmetry) -> Result<Box<dyn Engine + Send>, SolveError> {
+        Ok(Box::new(PetscEngine::new(self.0, equations, symmetry)?))
     }
 }

@@ -12,6 +12,7 @@ use std::{
 };
 
 use wfl_host::team::Team;
+use wfl_sparse::solve::Symmetry;
 
 use crate::ffi;
 
@@ -266,13 +267,14 @@ unsafe impl Send for Matrix {}
 
 impl Matrix {
     /// With room for the entries of the rows of this rank: by row those in columns of this rank and of others.
-    pub(crate) fn new(_call: &Call, room: [&[i32]; 2], block: usize, symmetric: bool) -> Result<Self, Failure> {
+    pub(crate) fn new(_call: &Call, room: [&[i32]; 2], block: usize, symmetry: Symmetry) -> Result<Self, Failure> {
         let [own, others] = room;
         assert_eq!(own.len(), others.len(), "numbers of entries by row");
         let mut this = Self { raw: null_mut() };
         let (n, own, others) = (c(own.len()), own.as_ptr(), others.as_ptr());
+        let is_symmetric = symmetry == Symmetry::Symmetric;
         // SAFETY: both lists have a number for each row; PETSc copies them.
-        check(unsafe { ffi::wfl_matrix_new(n, c(block), symmetric.into(), own, others, &mut this.raw) })?;
+        check(unsafe { ffi::wfl_matrix_new(n, c(block), is_symmetric.into(), own, others, &mut this.raw) })?;
         Ok(this)
     }
 

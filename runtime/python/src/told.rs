@@ -18,7 +18,7 @@ pub(crate) struct Told {
 impl Told {
     /// The message of a diagnostic.
     pub(crate) fn diagnostic(d: &Diagnostic, sources: &SourceMap) -> Self {
-        let rendered = render(d, sources, false);
+        let rendered = render(d, sources);
         let place = d.labels.first().map(|label| {
             let (line, column) = sources.line_column(label.span);
             (sources.get(label.span.source).name.clone(), line, column)

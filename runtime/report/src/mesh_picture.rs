@@ -9,7 +9,7 @@ use wfl_runtime::{
 use crate::{
     grid::{Whole, WholeCell},
     picture::Picture,
-    plot::{View, skin},
+    plot::{MeshLines, View, skin},
 };
 
 /// What the colours of a mesh say.
@@ -38,9 +38,9 @@ pub fn mesh_picture(mesh: &Mesh, name: &str, colours: MeshColours, view: View) -
     }
     let Coloured { numbers, label, second } = coloured(mesh, colours);
     let (whole, cells) = whole(mesh);
-    let edged = cells.len() <= EDGED;
+    let lines = if cells.len() <= EDGED { MeshLines::Drawn } else { MeshLines::Hidden };
     let mut faces = Vec::new();
-    for face in skin(&whole, &cells, edged) {
+    for face in skin(&whole, &cells, lines) {
         let place = |n: &usize| if mesh.dim() == 3 { view.at(whole.points[*n]) } else { whole.points[*n] };
         let corners: Vec<[f64; 3]> = face.nodes.iter().map(place).collect();
         let tones = vec![numbers[face.cell]; corners.len()];

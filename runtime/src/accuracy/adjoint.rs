@@ -233,7 +233,7 @@ impl Pair<'_> {
     }
 }
 
-/// Even, so that signs do not count.
+/// The power whose mean stands for the largest value. Even, so that signs do not count.
 const HIGH_POWER: f64 = 8.0;
 
 fn number(run: &Solved, value: f64) -> Expr {

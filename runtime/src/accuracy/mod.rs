@@ -24,7 +24,7 @@ mod ways;
 
 pub use adjoint::{Indicator, Pair};
 pub use data::{Probed, curvature, probe};
-pub use outcome::{Cost, Found, OfData, Out, Short, Trials};
+pub use outcome::{Cost, Extent, Found, Guide, OfData, Out, Short, Trials};
 pub use picture::{MESH_FILE, REFINED, SHARE, mesh_piece};
 pub use record::{AccuracyRecord, Marks, Other, Rounds, TrialRun, marks_of, rounds_of};
 pub use search::seek;
@@ -47,9 +47,9 @@ pub struct Demand {
 pub const DEFAULT_QUANTITY: &str = "L2";
 /// The budget where nothing is said, in seconds.
 pub const DEFAULT_BUDGET: f64 = 600.0;
-/// The smallest error that can be demanded: below it rounding dominates the differences.
+/// The smallest relative error that can be demanded: below it rounding dominates the differences.
 pub const SMALLEST: f64 = 1e-8;
-/// The largest: beyond half of the quantity nothing is known of it, and its estimate means nothing.
+/// The largest relative error: beyond half of the quantity nothing is known of it, and its estimate means nothing.
 pub const LARGEST: f64 = 0.5;
 
 /// Whether a number is an error that can be demanded.

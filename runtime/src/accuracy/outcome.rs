@@ -5,17 +5,35 @@ use thiserror::Error;
 use super::{AccuracyRecord, Indicator, Rounds};
 use crate::{knobs::Setting, mesh::Mesh, refine::Mark};
 
+/// What a run makes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// What its solution needs.
+    Solution,
+    /// Everything that the scene asks for.
+    WholeScene,
+}
+
+/// What the marks of cells follow.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Guide {
+    /// The quantity asked about.
+    Quantity,
+    /// The gradients of all unknowns, whatever quantity is asked about.
+    Gradients,
+}
+
 /// The runs of a scene, as the search needs them.
 pub trait Trials {
     /// A run that came to its end.
     type Run;
 
-    /// Runs a setting of a fineness on its refined mesh; `last` with everything the scene asks for, else what its solution
-    /// needs.
+    /// Runs a setting of a fineness on its refined mesh.
     ///
     /// # Errors
     /// Why it has no solution, or none that can be compared with the scene's own mesh.
-    fn run(&mut self, setting: &Setting, fineness: usize, rounds: &Rounds, last: bool) -> Result<Self::Run, String>;
+    fn run(&mut self, setting: &Setting, fineness: usize, rounds: &Rounds, extent: Extent)
+    -> Result<Self::Run, String>;
 
     /// The run of the next degree on the mesh of a run, which sees of loads and coefficients what the rules of that one may
     /// miss.
@@ -48,12 +66,11 @@ pub trait Trials {
     /// Why there is none.
     fn distance(&mut self, run: &Self::Run, from: &Self::Run) -> Result<f64, String>;
 
-    /// Where the error of a run comes from; `rich` is a run of a higher degree on the same mesh. By gradients: of all
-    /// unknowns, whatever quantity is asked about.
+    /// Where the error of a run comes from; `rich` is a run of a higher degree on the same mesh.
     ///
     /// # Errors
     /// Why that is not known.
-    fn indicator(&mut self, run: &Self::Run, rich: &Self::Run, by_gradients: bool) -> Result<Indicator, String>;
+    fn indicator(&mut self, run: &Self::Run, rich: &Self::Run, guide: Guide) -> Result<Indicator, String>;
 
     /// The relative distance of a run from the same with a smaller tolerance.
     ///

@@ -14,25 +14,27 @@ mod told;
 use super::{
     Demand, Found, Indicator, Out, Rounds, Short, TrialRun, Trials, Ways,
     marking::{also, everything, marked},
-    outcome::OfData,
+    outcome::{Extent, Guide, OfData},
     record::Other,
     ways::Wanted,
 };
 use crate::{knobs::Setting, output::Real, refine::Mark};
 
-/// Estimates are taken this much larger.
+/// Estimates are taken larger by this factor: so that a run that just meets its estimate is not beyond the demand.
 const SAFETY: f64 = 1.1;
-/// An estimate may fall this much faster than its order says before it has to be checked.
+/// An estimate may fall faster by this factor than its order says before it has to be checked.
 const FALL: f64 = 2.0;
 /// Relative distances of solutions that differ by rounding alone: such solutions are exact.
 const ROUNDING: f64 = 1e-11;
 /// So many levels are checked with each new one.
 const LAGS: usize = 2;
-/// A check that says that estimates are too small by more than this says that they mean nothing yet.
+/// A check that says that estimates are too small by more than this factor says that they mean nothing yet.
 const MOST_SAFETY: f64 = 4.0;
-/// What the next mesh is planned for, in parts of what is allowed.
+/// What the next mesh is planned for, in parts of what is allowed: planning for all of it would miss every second time,
+/// by little.
 const AIM: f64 = 0.8;
-/// Least and largest part of the error that is marked at once.
+/// Least and largest part of the error that is marked at once: less would take many meshes, and more is uniform
+/// refinement.
 const PARTS: [f64; 2] = [0.2, 0.8];
 /// The tolerance that is tried first, in parts of the demand, and the range it may have.
 const FIRST_TOLERANCE: f64 = 1e-1;
@@ -146,7 +148,7 @@ pub fn seek<T: Trials>(trials: &mut T, ways: &Ways, demand: &Demand) -> Result<F
         first: Vec::new(),
         first_fineness: ways.own,
         size: None,
-        by_gradients: false,
+        guide: Guide::Quantity,
         blind: String::new(),
         parts: Vec::new(),
     };
@@ -172,9 +174,9 @@ struct Search<'a, T: Trials> {
     /// Runs on the first mesh by degree, until they are taken.
     first: Vec<(usize, T::Run)>,
     first_fineness: usize,
-    /// What the parts of the last mesh added up to, of a measure, and whether marks follow gradients instead.
+    /// What the parts of the last mesh added up to, of a measure, and what marks follow.
     size: Option<f64>,
-    by_gradients: bool,
+    guide: Guide,
     /// Why the last level without an estimate has none.
     blind: String,
     /// The parts of the error by cell, for meshes of so many rounds.
@@ -182,13 +184,22 @@ struct Search<'a, T: Trials> {
 }
 
 impl<T: Trials> Search<'_, T> {
-    fn setting(&self, degree: usize, richer: bool, finer: f64) -> Vec<(String, String)> {
-        let Search { fineness, tolerance, stiffer, substeps, .. } = *self;
-        self.ways.setting(Wanted { degree, fineness, finer, tolerance, stiffer, substeps, richer })
+    fn setting(&self, degree: usize, finer: f64) -> Vec<(String, String)> {
+        self.ways.setting(self.wanted(degree, finer))
     }
 
-    fn one(&mut self, setting: &Setting, rounds: &Rounds, last: bool) -> Result<T::Run, String> {
-        let run = self.trials.run(setting, self.fineness, rounds, last)?;
+    /// What the error of that one is estimated with.
+    fn richer_setting(&self, degree: usize, finer: f64) -> Vec<(String, String)> {
+        self.ways.setting(Wanted { richer: true, ..self.wanted(degree, finer) })
+    }
+
+    fn wanted(&self, degree: usize, finer: f64) -> Wanted {
+        let Search { fineness, tolerance, stiffer, substeps, .. } = *self;
+        Wanted { degree, fineness, finer, tolerance, stiffer, substeps, richer: false }
+    }
+
+    fn one(&mut self, setting: &Setting, rounds: &Rounds, extent: Extent) -> Result<T::Run, String> {
+        let run = self.trials.run(setting, self.fineness, rounds, extent)?;
         Ok(self.noted(setting, rounds, run))
     }
 
@@ -230,14 +241,14 @@ impl<T: Trials> Search<'_, T> {
     fn level(&mut self, mesh: Planned, made: Option<T::Run>) -> Result<Level<T::Run>, String> {
         let Planned { degree, fineness, rounds, finer, .. } = mesh;
         self.fineness = fineness;
-        let setting = self.setting(degree, false, finer);
+        let setting = self.setting(degree, finer);
         let first = if rounds.is_empty() { self.first.iter().position(|f| f.0 == degree) } else { None };
         let first = first.filter(|_| fineness == self.first_fineness).map(|at| self.first.swap_remove(at).1);
         let mut run = match made.or(first) {
             Some(run) => run,
-            None => self.one(&setting, &rounds, false)?,
+            None => self.one(&setting, &rounds, Extent::Solution)?,
         };
-        let richer = self.setting(degree, true, finer);
+        let richer = self.richer_setting(degree, finer);
         let rich = self.trials.rich(&mut run, &richer, fineness, &rounds)?;
         let rich = self.noted(&richer, &rounds, rich);
         let data = self.trials.data(&rich);
@@ -247,15 +258,17 @@ impl<T: Trials> Search<'_, T> {
         });
         let mut indicator = None;
         if apart.is_finite() && !self.is_norm() {
-            let found = self.trials.indicator(&run, &rich, false)?;
+            let found = self.trials.indicator(&run, &rich, Guide::Quantity)?;
             let size = found.size.unwrap_or(0.0);
             apart = apart.max(PART_OF_PARTS * size);
             // parts that grow cancel each other: the adjoint solution of a flux through a boundary with given values is no
             // function, and to follow its parts would refine there for ever. Parts of scenes with kinks may grow until the
             // active set is resolved.
-            self.by_gradients |= !self.ways.kinked && self.size.is_some_and(|before| size > before);
+            if !self.ways.kinked && self.size.is_some_and(|before| size > before) {
+                self.guide = Guide::Gradients;
+            }
             self.size = Some(size);
-            indicator = if self.by_gradients { None } else { Some(found) };
+            indicator = (self.guide == Guide::Quantity).then_some(found);
         }
         Ok(Level {
             setting,
@@ -284,7 +297,7 @@ impl<T: Trials> Search<'_, T> {
             // the first that is good enough is the cheapest
             if let Some(good) = levels.iter().position(|l| l.unfit.is_none() && l.estimate() <= allowed) {
                 self.fineness = levels[good].fineness;
-                match self.one(&levels[good].setting, &levels[good].rounds, true) {
+                match self.one(&levels[good].setting, &levels[good].rounds, Extent::WholeScene) {
                     Ok(run) => return Ok(self.found_level(&levels, good, run, None)),
                     Err(why) => levels[good].unfit = Some(why),
                 }
@@ -350,7 +363,7 @@ impl<T: Trials> Search<'_, T> {
     ) -> Option<Result<(T::Run, f64), String>> {
         let here = levels.last().filter(|l| mesh.enough && l.unfit.is_none() && l.factor.is_finite())?;
         let judge = self.error_of_richer(levels).filter(|e| *e <= PART_OF_JUDGE * allowed)?;
-        let run = match self.one(&self.setting(here.degree, false, mesh.finer), &mesh.rounds, true) {
+        let run = match self.one(&self.setting(here.degree, mesh.finer), &mesh.rounds, Extent::WholeScene) {
             Ok(run) => run,
             Err(why) => return Some(Err(why)),
         };
@@ -391,7 +404,7 @@ impl<T: Trials> Search<'_, T> {
         let mut reason = levels.iter().rev().find_map(|l| l.unfit.clone()).unwrap_or_default();
         for k in order {
             self.fineness = levels[k].fineness;
-            match self.one(&levels[k].setting, &levels[k].rounds, true) {
+            match self.one(&levels[k].setting, &levels[k].rounds, Extent::WholeScene) {
                 Ok(run) => return Ok(self.found_level(&levels, k, run, Some(short))),
                 Err(why) => reason = why,
             }
@@ -436,7 +449,7 @@ impl<T: Trials> Search<'_, T> {
             let indicator = match &here.indicator {
                 Some(known) => known,
                 None => {
-                    made = self.trials.indicator(&here.run, &here.rich, self.by_gradients)?;
+                    made = self.trials.indicator(&here.run, &here.rich, self.guide)?;
                     &made
                 }
             };

@@ -1,7 +1,8 @@
 //! The search with known errors and costs: formulas replace the runs.
 
 use super::{
-    AccuracyRecord, Cost, Demand, Indicator, OfData, Out, Role, Rounds, Short, Trials, Ways, seek, ways::test_ways,
+    AccuracyRecord, Cost, Demand, Extent, Guide, Indicator, OfData, Out, Role, Rounds, Short, Trials, Ways, seek,
+    ways::test_ways,
 };
 use crate::{
     knobs::Setting,
@@ -54,7 +55,7 @@ fn size(mesh: &Mesh) -> f64 {
 impl Trials for Law {
     type Run = Point;
 
-    fn run(&mut self, setting: &Setting, fineness: usize, rounds: &Rounds, last: bool) -> Result<Point, String> {
+    fn run(&mut self, setting: &Setting, fineness: usize, rounds: &Rounds, extent: Extent) -> Result<Point, String> {
         let mesh = generate_box([0.0; 3], [1.0; 3], [fineness, fineness, 1], 2, BoxShape::Triangle).expect("a mesh");
         let shape = mesh.clone();
         let mut refiner = Refiner::new(mesh, &shape).expect("a mesh");
@@ -62,7 +63,7 @@ impl Trials for Law {
             refiner.refine(marks).expect("a mesh");
         }
         let mesh = refiner.into_mesh();
-        if last && mesh.n_cells() < self.least {
+        if extent == Extent::WholeScene && mesh.n_cells() < self.least {
             return Err("a region is empty".to_owned());
         }
         let richer = setting.iter().any(|s| s.0 == "richer");
@@ -78,7 +79,7 @@ impl Trials for Law {
     }
 
     fn rich(&mut self, _: &mut Point, setting: &Setting, fineness: usize, rounds: &Rounds) -> Result<Point, String> {
-        self.run(setting, fineness, rounds, false)
+        self.run(setting, fineness, rounds, Extent::Solution)
     }
 
     fn data(&self, _: &Point) -> OfData {
@@ -110,7 +111,7 @@ impl Trials for Law {
         Ok(run.at.iter().zip(&from.at).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt())
     }
 
-    fn indicator(&mut self, run: &Point, _: &Point, _: bool) -> Result<Indicator, String> {
+    fn indicator(&mut self, run: &Point, _: &Point, _: Guide) -> Result<Indicator, String> {
         Ok(Indicator { parts: vec![[1.0, 0.0, 0.0]; run.mesh.n_cells()], size: None })
     }
 

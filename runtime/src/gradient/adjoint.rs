@@ -16,7 +16,7 @@ use super::{
     extended::{Extended, Live},
     formulas::Formulas,
     laws::{Laws, Of},
-    linear::{As, Tangent},
+    linear::Tangent,
     measures::{Asked, Direct, Points, Summed, Weighed},
     near::{Kinks, NearKink, join},
     parameters::to_declared,
@@ -28,9 +28,19 @@ use crate::{
     Passed, PassedStep,
     assemble::FieldValues,
     rates::{Kept, Rates},
+    run::As,
     scene::node_positions,
     system::FIXED,
 };
+
+/// When the states stand that a law reads.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Read {
+    /// At the end of the step: of measures of points.
+    AtTheEnd,
+    /// As the equations of the step read them.
+    ByEquations,
+}
 
 /// What a result changes with at the end of a step.
 #[derive(Clone)]
@@ -271,7 +281,7 @@ impl Backwards<'_, '_> {
             join(&mut found.near, kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));
             let into = weighed.into;
             let live = &mut found.sums[into].live;
-            self.spread(1.0, true, &mut found.end[into], &mut found.start[into], live);
+            self.spread(1.0, Read::AtTheEnd, &mut found.end[into], &mut found.start[into], live);
             if let Some(moved) = &points.place {
                 let (entries, place) = live.split_at_mut(self.extended.place_range().start);
                 for (to, moved) in entries.iter_mut().zip(moved.chunks_exact(place.len())) {
@@ -285,7 +295,13 @@ impl Backwards<'_, '_> {
         for (weighed, weight) in read.iter().filter(|_| step.kind != Passed::Given) {
             let (Summed::Rows(rows), into) = (&weighed.summed, weighed.into) else { continue };
             self.of_rows((rows, *weight), step)?;
-            self.spread(-1.0, false, &mut found.end[into], &mut found.start[into], &mut found.sums[into].live);
+            self.spread(
+                -1.0,
+                Read::ByEquations,
+                &mut found.end[into],
+                &mut found.start[into],
+                &mut found.sums[into].live,
+            );
         }
         Ok(())
     }
@@ -321,9 +337,8 @@ impl Backwards<'_, '_> {
         self.laws.add(extended, wanted, values, &mut self.out)
     }
 
-    /// Moves what the laws gave, times a factor, to where it belongs. States are those at the end of the step for a measure,
-    /// those that the equations read for all others.
-    fn spread(&self, factor: f64, at_the_end: bool, end: &mut Cotangent, start: &mut Cotangent, live: &mut [f64]) {
+    /// Moves what the laws gave, times a factor, to where it belongs.
+    fn spread(&self, factor: f64, read: Read, end: &mut Cotangent, start: &mut Cotangent, live: &mut [f64]) {
         let (extended, system) = (self.extended, &self.standing.solving.system);
         let scaled = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(t, f)| *t += factor * f);
         for (k, field) in system.fields.iter().enumerate() {
@@ -334,7 +349,7 @@ impl Backwards<'_, '_> {
                     scaled(&mut start.u[range], past);
                 }
                 None => {
-                    let is_old = field.kind == FieldKind::State && !at_the_end;
+                    let is_old = field.kind == FieldKind::State && read == Read::ByEquations;
                     scaled(if is_old { &mut start.known[k] } else { &mut end.known[k] }, now);
                     scaled(&mut start.known[k], past);
                 }
@@ -345,7 +360,7 @@ impl Backwards<'_, '_> {
                 extended.range(extended.companions().history(order, FieldId::new(field)).index())
             };
             // rates are held at an end behind the equations
-            let kept = if at_the_end && rates.is_held() { &mut end.kept } else { &mut start.kept };
+            let kept = if read == Read::AtTheEnd && rates.is_held() { &mut end.kept } else { &mut start.kept };
             rates.follow_histories(|order, field| &self.out[place(order, field)], factor, kept);
         }
         scaled(live, &self.out[extended.live_range()]);
@@ -420,7 +435,7 @@ impl Backwards<'_, '_> {
             return Ok(());
         }
         self.evaluate(|of| matches!(of, Of::State(_)), &step.u, &weights)?;
-        self.spread(1.0, false, end, start, &mut sum.live);
+        self.spread(1.0, Read::ByEquations, end, start, &mut sum.live);
         Ok(())
     }
 
@@ -439,7 +454,7 @@ impl Backwards<'_, '_> {
         let weights = self.by_test_field(&adjoint);
         self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &weights)?;
         let rhs = end.u.clone();
-        self.spread(-1.0, false, end, start, &mut sum.live);
+        self.spread(-1.0, Read::ByEquations, end, start, &mut sum.live);
         // what is left is the derivative in the prescribed values, and nothing at the free dofs
         let numbering = &self.standing.solving.system.numbering;
         numbering.turn(&mut end.u);

@@ -45,7 +45,7 @@ impl Along {
         let mut placed: Vec<Placed> = Vec::new();
         for (k, (summary, term)) in scene.terms.iter().zip(&scene.system.terms).enumerate() {
             let domain = &term.integrator.domain;
-            let place = extended.place(domain, term.law.listing.graph.mapping.is_some());
+            let place = extended.place(domain, term.law.listing.graph.mapping);
             let Some(source) = scene.source_of(script, summary.origin) else {
                 return Err(not_made(&format!("the text of `{}` is not at hand", summary.name)));
             };
@@ -173,7 +173,7 @@ fn moved(
     backend: &dyn KernelBackend,
 ) -> Result<Moved, Box<Diagnostic>> {
     let ((name, expr), (value, companions)) = (text, law);
-    let place = extended.place(domain, value.law.mapping.is_some());
+    let place = extended.place(domain, value.law.mapping);
     let made: Checked<Option<ValueLaw>> = compile_value_along(&extended.env(), &place, name, expr, companions);
     let Some(law) = made.value else { return Err(no_derivative(name, first(made.diagnostics))) };
     placed_value(extended, law, domain, backend)
@@ -186,7 +186,7 @@ fn growth(
     domain: &Arc<Domain>,
     backend: &dyn KernelBackend,
 ) -> Result<Moved, Box<Diagnostic>> {
-    let place = extended.place(domain, false);
+    let place = extended.place(domain, None);
     let law = compile_growth_along(&extended.env(), &place, name, extended.companions_on(domain));
     placed_value(extended, law, domain, backend)
 }

@@ -16,7 +16,7 @@ use super::{
 use crate::{
     Passed,
     rates::{Kept, Rates},
-    run::{Mass, mass_at_start},
+    run::{As, Mass, mass_at_start},
     system::{FIXED, Numbering},
 };
 
@@ -63,12 +63,7 @@ impl Beginning {
     }
 
     /// The highest rates by dof of forces by dof, both in the axes of the scene and zero where values are prescribed.
-    pub(super) fn highest(
-        &self,
-        numbering: &Numbering,
-        forces: &[f64],
-        transposed: bool,
-    ) -> Result<Vec<f64>, Box<Diagnostic>> {
+    pub(super) fn highest(&self, numbering: &Numbering, forces: &[f64], form: As) -> Result<Vec<f64>, Box<Diagnostic>> {
         let mut turned = forces.to_vec();
         numbering.turn(&mut turned);
         let mut own = Vec::new();
@@ -76,7 +71,7 @@ impl Beginning {
         let zero = vec![0.0; forces.len()];
         let mut out = zero.clone();
         if let Some(mass) = self.mass.as_ref().filter(|_| own.iter().any(|x| *x != 0.0)) {
-            let found = mass.rates(&own, transposed).map_err(|e| not_made(&e.to_string()))?;
+            let found = mass.rates(&own, form).map_err(|e| not_made(&e.to_string()))?;
             numbering.advance(&zero, &found, 1.0, &mut out);
         }
         Ok(out)

@@ -213,10 +213,10 @@ impl<'a> Extended<'a> {
         self.fields.len() - 1
     }
 
-    /// The place of a domain, where a law was compiled before: every field lives there.
-    pub(super) fn place(&self, domain: &Arc<Domain>, through_mapping: bool) -> PlaceSig {
+    /// The place of a domain, where a law was compiled before, perhaps through a mapping: every field lives there.
+    pub(super) fn place(&self, domain: &Arc<Domain>, mapping: Option<usize>) -> PlaceSig {
         let n = self.fields.len();
-        let two_sides = domain.groups.iter().any(|g| g.there.is_some()) && !through_mapping;
+        let two_sides = domain.groups.iter().any(|g| g.there.is_some()) && mapping.is_none();
         let kind = match domain.over {
             crate::assemble::Over::Facets if two_sides => PlaceKind::Interface,
             crate::assemble::Over::Facets => PlaceKind::Facets,

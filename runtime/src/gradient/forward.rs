@@ -12,7 +12,7 @@ use super::{
     beginning::{Beginning, parted},
     extended::{Extended, Live},
     formulas::Formulas,
-    linear::{As, Tangent},
+    linear::Tangent,
     measures::{Asked, Direct, Summed, Weighed},
     near::{Kinks, NearKink, join},
     parameters::from_declared,
@@ -25,6 +25,7 @@ use crate::{
     Passed, PassedStep,
     assemble::FieldValues,
     rates::{Kept, Rates},
+    run::As,
     scene::node_positions,
 };
 
@@ -127,13 +128,22 @@ struct Forwards<'a, 's> {
     out: Vec<f64>,
 }
 
-/// What the measures of a request do along directions; to one side where points between two branches go with the direction.
+/// Which derivatives are taken where points stand between two branches.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Derivative {
+    /// Those that are the same on both sides.
+    TwoSided,
+    /// Those to the side that the direction leads to.
+    OneSided,
+}
+
+/// What the measures of a request do along directions.
 pub(super) fn solve(
     of: Differentiated<'_>,
     request: &Request,
     live: &[Live],
     directions: &[Direction],
-    to_one_side: bool,
+    derivative: Derivative,
 ) -> Result<Tangents, Box<Diagnostic>> {
     let Differentiated { scene, script, outcome, backend, .. } = of;
     refused::places(script, live)?;
@@ -143,19 +153,19 @@ pub(super) fn solve(
     let mut standing = Standing::new((of, trajectory), scene.solving(&mut equations));
     let extended = Extended::new(scene, script, live.to_vec());
     let mut extended = extended.map_err(|e| not_made(&e.to_string()))?;
-    if to_one_side && extended.has_motion() {
+    if derivative == Derivative::OneSided && extended.has_motion() {
         return Err(not_made("to one side of a kink laws do not follow a mesh that parameters move"));
     }
     shape::find(&mut extended, of)?;
     // the laws of adjoints are not needed, but what they refuse is
     let mut asked = Asked::new(&mut extended, of, request, &mut standing, &ends)?;
     let kinks = Kinks::new(&extended, script, asked.weighed.iter().map(|w| w.measure), backend)?;
-    if let Some(near) = asked.near.first().filter(|_| to_one_side) {
+    if let Some(near) = asked.near.first().filter(|_| derivative == Derivative::OneSided) {
         return Err(number_between(&near.place, near.span));
     }
-    let sided = match to_one_side {
-        true => Some(Sided::new(&mut extended, script, &asked.weighed, backend)?),
-        false => None,
+    let sided = match derivative {
+        Derivative::OneSided => Some(Sided::new(&mut extended, script, &asked.weighed, backend)?),
+        Derivative::TwoSided => None,
     };
     let mut run = Forwards {
         formulas: Formulas::new(&extended, script)?,

@@ -55,7 +55,7 @@ impl Laws {
         let mut placed = Vec::new();
         for (k, (summary, term)) in scene.terms.iter().zip(&scene.system.terms).enumerate() {
             let domain = &term.integrator.domain;
-            let place = extended.place(domain, term.law.listing.graph.mapping.is_some());
+            let place = extended.place(domain, term.law.listing.graph.mapping);
             let Some(source) = scene.source_of(script, summary.origin) else {
                 return Err(not_made(&format!("the text of `{}` is not at hand", summary.name)));
             };
@@ -69,7 +69,7 @@ impl Laws {
             let (Some(update), Some((value, sampled))) = (update_of(script, name), state.at_points()) else {
                 return Err(not_made(&format!("the update of `{name}` is not at hand")));
             };
-            let place = extended.place(&sampled.domain, value.law.mapping.is_some());
+            let place = extended.place(&sampled.domain, value.law.mapping);
             let (companions, field) = (extended.companions(), FieldId::new(state.field));
             let weight = (companions.of(field), None, companions);
             let made = compile_value_gradient(&extended.env(), &place, name, update, weight);

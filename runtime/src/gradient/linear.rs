@@ -8,18 +8,10 @@ use wfl::Diagnostic;
 use super::refused::{NO_DERIVATIVE, not_made};
 use crate::{
     csr::Csr,
-    solve::{CheckedLdlt, CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
+    run::As,
+    solve::{CheckedLdlt, CheckedLlt, CheckedLu, LinearSolver, SolverOptions, Symmetry},
     system::{Branches, System},
 };
-
-/// How a tangent is solved with.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum As {
-    /// As it is: what the unknowns do when something moves.
-    Written,
-    /// Transposed: what a result follows.
-    Transposed,
-}
 
 /// Solutions with the tangent of a step. The factor stays while the matrix does.
 pub(super) struct Tangent {
@@ -62,7 +54,7 @@ impl Tangent {
         threads: usize,
     ) -> Result<Vec<f64>, Box<Diagnostic>> {
         self.is_new = true;
-        self.hold((system, matrix), false, threads)?;
+        self.hold((system, matrix), Symmetry::General, threads)?;
         self.solved(system, rhs)
     }
 
@@ -104,13 +96,14 @@ impl Tangent {
         let mut tangent = system.new_tangent();
         system.tangent(u, Branches::AsWritten, &mut tangent).map_err(|e| not_made(&e.to_string()))?;
         let matrix = system.bulk().plus(&tangent.changing).map_err(|e| not_made(&e.to_string()))?;
-        let is_symmetric = system.is_symmetric();
-        let matrix = if is_symmetric || self.form == As::Written { matrix } else { matrix.transpose() };
-        self.hold((system, matrix), is_symmetric, threads)
+        let symmetry = Symmetry::known(system.is_symmetric());
+        let matrix =
+            if symmetry == Symmetry::Symmetric || self.form == As::Written { matrix } else { matrix.transpose() };
+        self.hold((system, matrix), symmetry, threads)
     }
 
     /// Factors a matrix, unless it is the last one.
-    fn hold(&mut self, of: (&System, Csr), is_symmetric: bool, threads: usize) -> Result<(), Box<Diagnostic>> {
+    fn hold(&mut self, of: (&System, Csr), symmetry: Symmetry, threads: usize) -> Result<(), Box<Diagnostic>> {
         let (system, matrix) = of;
         if let Some((_, known)) = &self.solver
             && known.values() == matrix.values()
@@ -133,14 +126,14 @@ impl Tangent {
         let positions: Vec<[f64; 3]> = numbering.free_dofs.iter().map(position).collect();
         let failed = |e: crate::solve::SolveError| singular(&e.to_string());
         let pattern = Arc::clone(matrix.pattern());
-        if is_symmetric {
+        if symmetry == Symmetry::Symmetric {
             let mut solver = CheckedLlt::new(&pattern, Some(&positions), options).map_err(failed)?;
             if solver.factor(&matrix).is_ok() {
                 self.solver = Some((Box::new(solver), matrix));
                 return Ok(());
             }
         }
-        let mut solver: Box<dyn LinearSolver> = if is_symmetric {
+        let mut solver: Box<dyn LinearSolver> = if symmetry == Symmetry::Symmetric {
             Box::new(CheckedLdlt::new(&pattern, Some(&positions), None, options).map_err(failed)?)
         } else {
             Box::new(CheckedLu::new(&pattern, Some(&positions), options).map_err(failed)?)

@@ -208,7 +208,7 @@ impl Asked {
             if extended.has_motion() && value.law.mapping.is_some() {
                 return Err(of_mapped_measure(name, declared.expr.span));
             }
-            let place = extended.place(&sampled.domain, value.law.mapping.is_some());
+            let place = extended.place(&sampled.domain, value.law.mapping);
             let companions = made_of.companions(extended, &sampled.domain);
             let of = (FieldId::new(weights), growing.map(FieldId::new), companions);
             let made = compile_value_gradient(&extended.env(), &place, name, &declared.expr, of);

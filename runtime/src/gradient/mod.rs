@@ -48,6 +48,7 @@ use wfl_compiler::backend::KernelBackend;
 
 use crate::{Outcome, Scene};
 pub use ahead::ahead;
+use forward::Derivative;
 pub use forward::{Direction, Moved, Tangents};
 pub use jacobian::{Jacobian, Mode};
 pub use near::NearKink;
@@ -161,7 +162,7 @@ pub fn tangents(
     let request = forward::request(measures, directions);
     refused::check(of, &request)?;
     let live = parameters::live(of.script, of.scene, &request)?;
-    let mut made = forward::solve(of, &request, &live, directions, false)?;
+    let mut made = forward::solve(of, &request, &live, directions, Derivative::TwoSided)?;
     made.notes.extend(parameters::notes(of.script, of.scene, &request, &live));
     made.seconds = begin.elapsed().as_secs_f64();
     Ok(made)

@@ -127,7 +127,7 @@ impl Kinks {
         let mut found = Vec::new();
         for term in scene.system.terms.iter().filter(|t| !t.law.kinks.is_empty()) {
             let domain = &term.integrator.domain;
-            let place = extended.place(domain, term.law.listing.graph.mapping.is_some());
+            let place = extended.place(domain, term.law.listing.graph.mapping);
             let sides = compile_kink_sides(&env, &place, &term.law.name, &term.law.listing);
             let named = (term.law.name.clone(), scene.place_of_term(&term.law.name));
             found.push((named, None, domain, sides));
@@ -135,7 +135,7 @@ impl Kinks {
         for state in &scene.states {
             let name = &scene.system.fields[state.field].name;
             if let (Some((value, sampled)), Some(update)) = (state.at_points(), update_of(script, name)) {
-                let place = extended.place(&sampled.domain, value.law.mapping.is_some());
+                let place = extended.place(&sampled.domain, value.law.mapping);
                 let sides = compile_value_kink_sides(&env, &place, name, update);
                 found.push(((name.clone(), scene.place_of_field(name)), None, &sampled.domain, sides));
             }
@@ -143,7 +143,7 @@ impl Kinks {
         for k in measures.collect::<BTreeSet<usize>>() {
             let (measure, declared) = extended.measures[k];
             for (value, sampled) in measure.at_points().map_or(&[][..], |(_, parts)| parts) {
-                let place = extended.place(&sampled.domain, value.law.mapping.is_some());
+                let place = extended.place(&sampled.domain, value.law.mapping);
                 let sides = compile_value_kink_sides(&env, &place, &measure.name, &declared.expr);
                 found.push(((measure.name.clone(), Some(measure.span)), Some(k), &sampled.domain, sides));
             }

@@ -109,7 +109,7 @@ pub(super) fn within(name: &str, span: Span) -> Box<Diagnostic> {
 pub fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic> {
     let steps = || script.scheme.as_ref().map(|s| s.span).or(script.steps.as_ref().map(|s| s.span));
     let system = &scene.system;
-    if !system.mesh.is_whole() || !system.team().is_alone() {
+    if !system.team().is_alone() {
         let d = message("several ranks have no derivatives yet").help("run it without mpirun");
         return Some(placed(d, steps()));
     }

@@ -245,17 +245,17 @@ fn term(
 ) -> Result<Option<SidedTerm>, Box<Diagnostic>> {
     let scene = extended.scene;
     let (summary, own) = (&scene.terms[k], &scene.system.terms[k]);
-    let (domain, mapped) = (&own.integrator.domain, own.law.listing.graph.mapping.is_some());
+    let (domain, mapping) = (&own.integrator.domain, own.law.listing.graph.mapping);
     let Some(source) = scene.source_of(script, summary.origin) else {
         return Err(not_made(&format!("the text of `{}` is not at hand", summary.name)));
     };
-    let n = kinks_of_term(&extended.env(), &extended.place(domain, mapped), source);
+    let n = kinks_of_term(&extended.env(), &extended.place(domain, mapping), source);
     if n == 0 {
         return Ok(None);
     }
     let field = extended.add_tolerances(n);
     let of = (extended.companions(), FieldId::new(field));
-    let made = compile_term_to_side(&extended.env(), &extended.place(domain, mapped), &summary.name, source, of);
+    let made = compile_term_to_side(&extended.env(), &extended.place(domain, mapping), &summary.name, source, of);
     let Some(ToSide { law, sides }) = made.value else {
         return Err(no_derivative(&summary.name, first(made.diagnostics)));
     };
@@ -291,14 +291,14 @@ fn value(
     backend: &dyn KernelBackend,
 ) -> Result<Option<SidedValue>, Box<Diagnostic>> {
     let ((name, expr), (own, sampled)) = (text, at);
-    let (domain, mapped) = (&sampled.domain, own.law.mapping.is_some());
-    let n = kinks_of_value(&extended.env(), &extended.place(domain, mapped), expr);
+    let (domain, mapping) = (&sampled.domain, own.law.mapping);
+    let n = kinks_of_value(&extended.env(), &extended.place(domain, mapping), expr);
     if n == 0 {
         return Ok(None);
     }
     let field = extended.add_tolerances(n);
     let of = (extended.companions(), FieldId::new(field));
-    let made = compile_value_to_side(&extended.env(), &extended.place(domain, mapped), name, expr, of);
+    let made = compile_value_to_side(&extended.env(), &extended.place(domain, mapping), name, expr, of);
     let Some(law) = made.value else { return Err(no_derivative(name, first(made.diagnostics))) };
     let Some(ToSide { law, sides: Some(sides) }) = law else { return Ok(None) };
     let ties = Ties::new(extended, (field, n), sides, domain, backend)?;

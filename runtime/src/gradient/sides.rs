@@ -2,7 +2,7 @@
 
 use wfl::Diagnostic;
 
-use super::{Differentiated, Direction, Gradients, Request, Side, forward, parameters};
+use super::{Derivative, Differentiated, Direction, Gradients, Request, Side, forward, parameters};
 
 /// Derivatives of a result to both sides of a parameter, by entry of the parameter, as slopes: both are what the derivative is
 /// where there is no kink.
@@ -34,7 +34,7 @@ pub(super) fn add(of: Differentiated<'_>, request: &Request, made: &mut Gradient
     }
     let wanted = forward::request(&measures, &directions);
     let live = parameters::live(of.script, of.scene, &wanted)?;
-    let found = forward::solve(of, &wanted, &live, &directions, true)?;
+    let found = forward::solve(of, &wanted, &live, &directions, Derivative::OneSided)?;
     for (number, wanted) in request.results.iter().enumerate() {
         let into = if request.together { 0 } else { number };
         let weights = wanted.weights(&found.times).unwrap_or_default();

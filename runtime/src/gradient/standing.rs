@@ -139,14 +139,19 @@ impl<'a, 's> Standing<'a, 's> {
         explicit.lumped.probes(self.solving.system, &step.u, step.time).map_err(|e| not_made(&e.to_string()))
     }
 
-    /// The rate of a probe, and no other one; nothing is a rate of zero.
-    pub(super) fn take_probe(&mut self, probe: &Probe, is_there: bool) {
+    /// The rate of a probe, and no other one.
+    pub(super) fn take_probe(&mut self, probe: &Probe) {
         let zero = vec![0.0; probe.rate.len()];
-        let rate = if is_there { &probe.rate } else { &zero };
         match probe.order {
-            RateOrder::First => self.take_rates(rate, &zero),
-            RateOrder::Second => self.take_rates(&zero, rate),
+            RateOrder::First => self.take_rates(&probe.rate, &zero),
+            RateOrder::Second => self.take_rates(&zero, &probe.rate),
         }
+    }
+
+    /// Rates of zero, from which a probe starts.
+    pub(super) fn take_rest(&mut self, probe: &Probe) {
+        let zero = vec![0.0; probe.rate.len()];
+        self.take_rates(&zero, &zero);
     }
 
     /// True if values and rates at the end of a step are others than those that its equations stand with.

@@ -186,9 +186,7 @@ impl LineSample {
             });
         }
         let mut is_taken = self.own_columns(&rows, first);
-        if !mesh.is_whole() {
-            of_all(mesh.team(), first, &mut rows, &mut is_taken);
-        }
+        of_all(mesh.holders(), first, &mut rows, &mut is_taken);
         self.tell_not_finite(&rows, first, &is_taken, bad);
         rows
     }
@@ -234,6 +232,9 @@ impl LineSample {
 
 /// From the samples that this rank has taken to those of all ranks, behind the first columns: each was taken by one.
 fn of_all(team: &dyn Team, first: usize, rows: &mut [Vec<f64>], is_taken: &mut [bool]) {
+    if team.is_alone() {
+        return;
+    }
     let all = rows.iter().flat_map(|row| &row[first..]);
     let mut values: Vec<f64> = all.zip(&*is_taken).map(|(x, own)| if *own { *x } else { 0.0 }).collect();
     let mut words: Vec<u64> = is_taken.iter().map(|own| u64::from(*own)).collect();

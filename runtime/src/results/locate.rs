@@ -28,11 +28,11 @@ type Holder = (u64, usize, [f64; 3]);
 
 /// Of the holders that the ranks have found for each point the first one, on one rank; and which points have one.
 fn of_one_rank(mesh: &Mesh, mut found: Vec<Option<Holder>>) -> (Vec<Option<Holder>>, Vec<bool>) {
-    if mesh.is_whole() {
+    let team = mesh.holders();
+    if team.is_alone() {
         let is_found = found.iter().map(Option::is_some).collect();
         return (found, is_found);
     }
-    let team = mesh.team();
     let own: Vec<u64> = found.iter().map(|holder| holder.map_or(0, |(name, ..)| u64::MAX - name)).collect();
     let mut first = own.clone();
     team.max_words(&mut first);
@@ -94,12 +94,13 @@ impl Located {
             Some((u64::from(mesh.cell_number(facet.cell)) << 8 | u64::from(facet.local), n, parameters))
         };
         let (held, found) = of_one_rank(mesh, points.iter().map(holder).collect());
+        let is_own = !mesh.holders().is_alone();
         let (mut groups, mut numbers) = (Vec::new(), Vec::new());
         for (n, held) in by_entity(&held) {
             let points: Vec<[f64; 3]> = held.iter().map(|h| h.1).collect();
             let rule = |kind| Rule { kind, degree: 0, weights: vec![1.0; points.len()], points: points.clone() };
             let made = Domain::new(mesh, &faces[n].1, &rule)?.groups;
-            groups.extend(made.into_iter().map(|group| Group { is_own: !mesh.is_whole(), ..group }));
+            groups.extend(made.into_iter().map(|group| Group { is_own, ..group }));
             numbers.push(held.iter().map(|h| h.0).collect());
         }
         Ok(Self { domain: domain(mesh, Over::Facets, groups), points: numbers, found })
@@ -164,7 +165,8 @@ fn cell_group(mesh: &Mesh, cell: CellId, points: Vec<[f64; 3]>) -> Group {
     let here = GroupSide { cells: vec![cell], ..GroupSide::new(mesh, mesh.kind(cell), points.clone()) };
     Group {
         key: [0; 5],
-        is_own: !mesh.is_whole(),
+        // of the ranks that have the cell one was chosen for the point
+        is_own: !mesh.holders().is_alone(),
         entities: vec![0],
         own: None,
         weights: vec![1.0; points.len()],

@@ -137,7 +137,7 @@ impl SampledPiece {
             let kind = vtk_cell(space.element_at(position).kind(), space.degree());
             cells.push_local(kind, space.entity_nodes(position));
         }
-        let halo = mesh.part().filter(|_| !mesh.is_whole()).map(|part| halo(mesh, part, &space));
+        let halo = mesh.part_of_whole().map(|part| halo(mesh, part, &space));
         let is_written = written(mesh, &space);
         let (items, support) = (Vec::new(), support.clone());
         Ok(Self { space, cells, domain, items, support, again: None, is_written, halo })

@@ -7,7 +7,7 @@
 
 use super::{
     Attempt, AttemptEnd, Clock, Path, Progress,
-    control::Control,
+    control::{Control, Matrix},
     leg::Leg,
     remembered::{Adaptive, joined},
     stepping::{self, Reached, StepError, Stepper, Target},
@@ -74,9 +74,11 @@ impl Stepper {
             let to = self.adaptive(&rules).control.aim(&rules, at, stop, limit);
             let increment = to - at;
             let guessed = guess && self.guess(scene, &rules, increment, u);
-            let target = Target { time: to, increment, load: None, iterations: usize::MAX };
-            let patient = fruitless >= SHORTER || Control::is_least(&rules, at, increment);
-            let result = self.attempt_within(patient, scene, u, &target, clock, progress);
+            // without a shorter step to go to it is worth every iteration
+            let is_last = fruitless >= SHORTER || Control::is_least(&rules, at, increment);
+            let iterations = if is_last { usize::MAX } else { FEW };
+            let target = Target { time: to, increment, load: None, iterations };
+            let result = self.attempt_with_order(scene, u, &target, clock, progress);
             let tried = self.judge(scene, &rules, increment, result, u);
             attempts.push(self.listed(&tried, increment));
             let failed = match tried {
@@ -121,10 +123,9 @@ impl Stepper {
         })
     }
 
-    /// One attempt with the present order; one that is not patient ends after a few iterations.
-    fn attempt_within(
+    /// One attempt with the present order.
+    fn attempt_with_order(
         &mut self,
-        patient: bool,
         scene: &mut Solving<'_>,
         u: &mut [f64],
         target: &Target<'_>,
@@ -135,8 +136,7 @@ impl Stepper {
             rates.take_order(adaptive.control.order as usize);
         }
         self.explains = false;
-        let iterations = if patient { usize::MAX } else { FEW };
-        self.attempt(scene, u, &Target { iterations, ..*target }, clock, progress)
+        self.attempt(scene, u, target, clock, progress)
     }
 
     /// The increment that leaves out nothing of what drives a scene; infinite where that is more than the next one.
@@ -190,7 +190,7 @@ impl Stepper {
             errors = self.adaptive(rules).errors(scene, rules, increment, &solution, &rounding);
         }
         let least = Control::is_least(rules, scene.system.step().0 - increment, increment);
-        let keeps = scene.system.bulk_follows_steps();
+        let matrix = if scene.system.bulk_follows_steps() { Matrix::Kept } else { Matrix::New };
         let control = &mut self.adaptive(rules).control;
         // an error that is no number is too large
         let too_large = errors.filter(|e| e.largest() > 1.0 || e.largest().is_nan());
@@ -200,7 +200,7 @@ impl Stepper {
                 Tried::Rejected(errors.largest())
             }
             _ => {
-                control.accept(increment, errors, keeps);
+                control.accept(increment, errors, matrix);
                 Tried::Accepted(history, too_large.map(|e| e.largest()))
             }
         }

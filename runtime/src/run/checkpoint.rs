@@ -108,7 +108,7 @@ pub enum Holders {
 impl Holders {
     /// Those of a scene.
     fn of(scene: &Solving<'_>) -> Self {
-        if scene.system.mesh.is_whole() { Self::Each } else { Self::Parts(scene.system.mesh.team().size()) }
+        scene.system.mesh.part_of_whole().map_or(Self::Each, |part| Self::Parts(part.team().size()))
     }
 
     fn in_words(self) -> String {

@@ -53,6 +53,21 @@ pub(super) struct Chosen {
     pub(super) around: [Option<f64>; 3],
 }
 
+/// What became of the step before: behind one that was rejected the order does not rise.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Tried {
+    Accepted,
+    Rejected,
+}
+
+/// The matrix of a step that keeps its increment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Matrix {
+    /// That of the step before, with its factor.
+    Kept,
+    New,
+}
+
 impl Errors {
     /// The largest of those of the step; no number where one is no number.
     pub(super) fn largest(&self) -> f64 {
@@ -62,11 +77,11 @@ impl Errors {
 
     /// The order of the next step, that which allows the longest one, and what the increment may be multiplied by for the
     /// demanded error. Zero-stability limits the growth of increments by the order: that counts in the choice alone.
-    fn next(&self, order: u32, may_rise: bool) -> (u32, f64) {
+    fn next(&self, order: u32, behind: Tried) -> (u32, f64) {
         let fixed = factor(self.by_order[0], 1).min(factor(self.by_order[1], 2));
         let Some(Chosen { order, around }) = self.chosen else { return (order, fixed) };
         let [lower, same, higher] = around;
-        let found = [(order, same), (order - 1, lower), (order + 1, higher.filter(|_| may_rise))];
+        let found = [(order, same), (order - 1, lower), (order + 1, higher.filter(|_| behind == Tried::Accepted))];
         let found = found.into_iter().filter_map(|(order, error)| Some((order, factor(error?, order).min(fixed))));
         let limited = |found: (u32, f64)| found.1.min(GROWTH[found.0 as usize - 1]);
         let better = |f: (u32, f64), best: (u32, f64)| limited(f) > WORTHWHILE * limited(best);
@@ -119,11 +134,11 @@ impl Control {
         at + if 2.0 * increment > left { 0.5 * left } else { increment }
     }
 
-    /// After a step of an increment with relative errors; `None` where none is known. `keeps` says that a matrix can be
-    /// used again if the increment is kept.
-    pub(super) fn accept(&mut self, increment: f64, errors: Option<Errors>, keeps: bool) {
+    /// After a step of an increment with relative errors; `None` where none is known.
+    pub(super) fn accept(&mut self, increment: f64, errors: Option<Errors>, matrix: Matrix) {
+        let keeps = matrix == Matrix::Kept;
         let planned = self.next;
-        let (order, allowed) = errors.map_or((self.order, 1.0), |e| e.next(self.order, true));
+        let (order, allowed) = errors.map_or((self.order, 1.0), |e| e.next(self.order, Tried::Accepted));
         let most = if self.failed { 1.0 } else { GROWTH[order as usize - 1] };
         let free = if errors.is_some() && !keeps { self.filtered(increment, allowed) } else { allowed };
         let free = if keeps && order == self.order && (1.0..WORTHWHILE).contains(&free) { 1.0 } else { free };
@@ -145,7 +160,7 @@ impl Control {
 
     /// After a step whose error is too large.
     pub(super) fn reject(&mut self, increment: f64, errors: Errors) {
-        let (order, factor) = errors.next(self.order, false);
+        let (order, factor) = errors.next(self.order, Tried::Rejected);
         self.order = order;
         self.next = increment * factor.clamp(SHRINK, SAFETY);
         self.failed = true;
@@ -192,7 +207,7 @@ mod tests {
             if rejects {
                 control.reject(1.0, of_choice(order, around));
             } else {
-                control.accept(1.0, Some(of_choice(order, around)), false);
+                control.accept(1.0, Some(of_choice(order, around)), Matrix::New);
             }
             (control.order, control.next)
         };
@@ -212,17 +227,18 @@ mod tests {
         let rules = rules(1.0, 1e-9, 10.0);
         // what one passage of a front does to the error of equal steps
         let error = |k: u32, h: f64| h.powi(4) * if k % 4 < 2 { 0.6 } else { 1.3 };
-        let spread = |keeps: bool| {
+        let spread = |matrix: Matrix| {
             let (mut control, mut all) = (Control { order: 3, ..Control::new(&rules) }, Vec::new());
             for k in 0..200 {
                 let h = control.next;
-                control.accept(h, Some(of_choice(3, [None, Some(error(k, h)), None])), keeps);
+                control.accept(h, Some(of_choice(3, [None, Some(error(k, h)), None])), matrix);
                 all.push(h);
             }
             let (low, high) = all[100..].iter().fold((f64::MAX, 0.0f64), |m, h| (m.0.min(*h), m.1.max(*h)));
             high / low
         };
-        assert!(spread(false) < 1.1 && spread(true) > 1.15, "{} {}", spread(false), spread(true));
+        let (new, kept) = (spread(Matrix::New), spread(Matrix::Kept));
+        assert!(new < 1.1 && kept > 1.15, "{new} {kept}");
     }
 
     /// The ends of the steps of a rule whose error is `error(h)`.
@@ -235,7 +251,7 @@ mod tests {
                 control.reject(h, of_first(e));
                 continue;
             }
-            control.accept(h, Some(of_first(e)), true);
+            control.accept(h, Some(of_first(e)), Matrix::Kept);
             at = to;
             out.push(at);
         }
@@ -264,12 +280,12 @@ mod tests {
     fn small_growth_is_left_where_it_would_cost_a_matrix() {
         let rules = rules(1.0, 1e-9, 10.0);
         // the error allows 0.9/sqrt(0.7) = 1.08 times the increment
-        let next = |keeps: bool| {
+        let next = |matrix: Matrix| {
             let mut control = Control::new(&rules);
-            control.accept(1.0, Some(of_first(0.7)), keeps);
+            control.accept(1.0, Some(of_first(0.7)), matrix);
             control.next
         };
-        assert!(next(true) == 1.0 && (next(false) - SAFETY / 0.7f64.sqrt()).abs() < 1e-15);
+        assert!(next(Matrix::Kept) == 1.0 && (next(Matrix::New) - SAFETY / 0.7f64.sqrt()).abs() < 1e-15);
     }
 
     #[test]
@@ -303,11 +319,11 @@ mod tests {
         let mut control = Control::new(&rules);
         control.fail(0.1);
         assert_eq!(control.next, 0.025);
-        control.accept(0.025, Some(of_first(1e-9)), true);
+        control.accept(0.025, Some(of_first(1e-9)), Matrix::Kept);
         assert_eq!(control.next, 0.025);
-        control.accept(0.025, Some(of_first(1e-9)), true);
+        control.accept(0.025, Some(of_first(1e-9)), Matrix::Kept);
         assert_eq!(control.next, 0.05);
-        control.accept(0.001, Some(of_first(1e-9)), true);
+        control.accept(0.001, Some(of_first(1e-9)), Matrix::Kept);
         assert_eq!(control.next, 0.05);
     }
 

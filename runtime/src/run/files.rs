@@ -89,7 +89,7 @@ impl<'d> Files<'d> {
                 series.go_on_from(number, steps[number].time, &mut adopt)?;
             }
             for output in scene.csv.iter().filter(|o| o.every.has(place(number), &scene.steps)) {
-                adopt(csv_name(output, number, several))?;
+                adopt(csv_name(output, several.then_some(number)))?;
             }
         }
         for step in steps {
@@ -180,7 +180,7 @@ impl<'d> Files<'d> {
 pub(super) fn plan(scene: &Scene) -> Plan {
     let n = scene.steps.listed().unwrap_or(usize::MAX);
     let mesh = &scene.system.mesh;
-    let (grids, parts) = if mesh.is_whole() { ("vtu", 0) } else { ("pvtu", mesh.team().size()) };
+    let (grids, parts) = mesh.part_of_whole().map_or(("vtu", 0), |part| ("pvtu", part.team().size()));
     let mut plan = Plan { files: vec![REPORT_FILE.to_owned()], series: Vec::new(), parts };
     if !scene.measures.is_empty() {
         plan.files.push(MEASURES_FILE.to_owned());
@@ -194,7 +194,7 @@ pub(super) fn plan(scene: &Scene) -> Plan {
         plan.files.extend([CHECKPOINT_FILE, checkpoint::LOG_FILE].map(str::to_owned));
         plan.series.extend(scene.csv.iter().map(|csv| (csv.file.clone(), "csv", n)));
     } else {
-        plan.files.extend(scene.csv.iter().map(|csv| csv_name(csv, 0, false)));
+        plan.files.extend(scene.csv.iter().map(|csv| csv_name(csv, None)));
     }
     plan
 }
@@ -228,8 +228,9 @@ fn tables_over_time(scene: &Scene) -> Vec<Table> {
     scene.series.iter().map(series).collect()
 }
 
-fn csv_name(output: &CsvOutput, number: usize, several: bool) -> String {
-    if several { output::step_name(&output.file, number, "csv") } else { format!("{}.csv", output.file) }
+/// The table of a step with this number, or of the only one.
+fn csv_name(output: &CsvOutput, number: Option<usize>) -> String {
+    number.map_or_else(|| format!("{}.csv", output.file), |number| output::step_name(&output.file, number, "csv"))
 }
 
 /// Everything that the files of a step hold.
@@ -297,7 +298,7 @@ pub(super) fn collect(scene: &Solving<'_>, step: &StepResult, place: StepPlace<'
             });
             let states = states.filter(|s| s.len() == entities);
             // a rank without faces takes other terms without any for those of the piece
-            let is_there = system.mesh.is_whole() || system.team().all(states.is_some());
+            let is_there = system.mesh.holders().all(states.is_some());
             if let Some(states) = states.filter(|_| is_there) {
                 piece.cell_data.push(output::Array::scalar("contact_state", states));
             }
@@ -310,7 +311,7 @@ pub(super) fn collect(scene: &Solving<'_>, step: &StepResult, place: StepPlace<'
         .iter()
         .filter(|output| output.every.has(place, steps))
         .map(|output| Table {
-            name: csv_name(output, number, steps.several()),
+            name: csv_name(output, steps.several().then_some(number)),
             columns: output.line.columns(),
             rows: output.line.rows(&system.mesh, time, increment, values, |name, value, position| {
                 let what = format!("`{name}` in `{}.csv`", output.file);

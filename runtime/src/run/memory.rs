@@ -31,9 +31,10 @@ impl Memory {
         }
     }
 
-    /// The same with the tangent of all ranks, made by all together: what a run on any number of ranks goes on from.
+    /// The same with the tangent of all ranks, made by all together: what a run on any number of ranks goes on from. Of
+    /// ranks that have a part of the mesh each keeps its own.
     pub(super) fn of_all(scene: &Solving<'_>, tangent: &Tangent) -> Self {
-        if scene.system.team().is_alone() {
+        if keeps_its_own(scene.system) {
             return Self::of(scene, tangent);
         }
         let changing = tangent.changing.values_of_all(scene.system.team());
@@ -57,7 +58,7 @@ impl Memory {
     #[must_use]
     pub(super) fn recall_of_all(&self, scene: &mut Solving<'_>, tangent: &mut Tangent) -> bool {
         let team = scene.system.team();
-        if team.is_alone() {
+        if keeps_its_own(scene.system) {
             return self.recall(scene, tangent);
         }
         let mut own = tangent.changing.clone();
@@ -82,6 +83,11 @@ impl Memory {
         of.iter().zip(&self.states).for_each(|(k, s)| scene.system.data_mut(*k).clone_from(s));
         true
     }
+}
+
+/// Whether the memory of a rank is that of its own rows: it has all of them, or goes on with its part of the mesh.
+fn keeps_its_own(system: &System) -> bool {
+    system.team().is_alone() || !system.mesh.holders().is_alone()
 }
 
 /// The fields that are states.

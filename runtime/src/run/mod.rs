@@ -54,7 +54,7 @@ pub use memory::Memory;
 pub use options::RunOptions;
 pub use outcome::{KeptStep, KeptTable, Outcome, save};
 pub use progress::{Progress, Quiet};
-pub(crate) use rates::{Mass, mass_at_start, prescribed_differences};
+pub(crate) use rates::{As, Mass, mass_at_start, prescribed_differences};
 pub(crate) use report::put_expectations;
 pub use session::{Session, Standing};
 pub use state::State as RunState;
@@ -423,7 +423,8 @@ impl Run {
         let mut checkpoint_before: Option<Instant> = None;
         let mut gathering = Duration::ZERO;
         // of ranks with parts of the mesh each makes its own of a file, and the first one gets them
-        let has_part = !scene.system.mesh.is_whole() && scene.system.team().any(writer.is_some());
+        let holders = scene.system.mesh.holders();
+        let has_part = !holders.is_alone() && holders.any(writer.is_some());
         while let Some(asked) = self.next_asked(scene) {
             let number = asked.number;
             let step = self.step(scene, asked, progress)?;
@@ -468,11 +469,11 @@ impl Run {
     /// Gives a step to the thread that writes; false where that has ended. Of ranks that have parts of the mesh each gives
     /// its pieces to the first one.
     fn hand_over(&self, scene: &Solving<'_>, mut step: StepFiles, writer: Option<&SyncSender<StepFiles>>) -> bool {
-        let mesh = &scene.system.mesh;
-        if mesh.is_whole() {
+        let team = scene.system.mesh.holders();
+        if team.is_alone() {
             return writer.is_none_or(|writer| step.is_empty() || writer.send(step).is_ok());
         }
-        let (team, grids) = (mesh.team(), step.grids.iter().flatten().count());
+        let grids = step.grids.iter().flatten().count();
         let Some(writer) = writer else {
             let own: Vec<&[Piece]> = step.grids.iter().flatten().map(Vec::as_slice).collect();
             return others::pass_on(&own, team, None).is_some() || team.rank() > 0;

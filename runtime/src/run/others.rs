@@ -25,10 +25,11 @@ fn from_bytes(bytes: &[u8]) -> Vec<Piece> {
 /// The pieces of all ranks on the first one, one rank's behind the other's; none on the others. Those of a whole mesh
 /// stay what they are.
 pub(super) fn pieces_of_all(pieces: Vec<Piece>, mesh: &Mesh) -> Vec<Piece> {
-    if mesh.is_whole() {
+    let team = mesh.holders();
+    if team.is_alone() {
         return pieces;
     }
-    mesh.team().at_first(&to_bytes(&pieces)).iter().flat_map(|bytes| from_bytes(bytes)).collect()
+    team.at_first(&to_bytes(&pieces)).iter().flat_map(|bytes| from_bytes(bytes)).collect()
 }
 
 /// Sends the pieces of each grid to the first rank, which passes those of the others on. Ends where nobody takes them any
@@ -49,7 +50,8 @@ pub(super) fn pass_on(grids: &[&[Piece]], team: &dyn Team, writer: Option<&SyncS
 
 /// What is not finite in the outputs of all ranks, each quantity once, on the first one; the others keep their own.
 pub(super) fn bad_of_all(own: Vec<BadOutput>, mesh: &Mesh) -> Vec<BadOutput> {
-    if mesh.is_whole() {
+    let team = mesh.holders();
+    if team.is_alone() {
         return own;
     }
     let mut w = Writer::default();
@@ -63,8 +65,8 @@ pub(super) fn bad_of_all(own: Vec<BadOutput>, mesh: &Mesh) -> Vec<BadOutput> {
         let [time, value, x, y, z] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok(BadOutput { what, time, value, position: [x, y, z] })
     };
-    let mut all: Vec<BadOutput> = if mesh.team().rank() == 0 { Vec::new() } else { own };
-    for bytes in mesh.team().at_first(&w.bytes) {
+    let mut all: Vec<BadOutput> = if team.rank() == 0 { Vec::new() } else { own };
+    for bytes in team.at_first(&w.bytes) {
         for bad in Reader::new(&bytes).list(read).expect("what was sent") {
             if all.iter().all(|known| known.what != bad.what) {
                 all.push(bad);

@@ -10,10 +10,19 @@ use crate::{
     newton::NewtonError,
     rates::{RateFactors, Rates},
     scene::{Explicit, Solving, node_positions},
-    solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions},
+    solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions, Symmetry},
     system::{Branches, FIXED, Form, System, SystemError},
 };
 use wfl_compiler::types::RateForm;
+
+/// How equations are solved.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum As {
+    /// As they are: what the unknowns do when something moves.
+    Written,
+    /// Transposed: what a result follows.
+    Transposed,
+}
 
 /// The step variable and its increment.
 #[derive(Clone, Copy)]
@@ -70,10 +79,11 @@ pub(super) fn prescribe(scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) ->
 /// What all ranks make of prescribed values: of a part of the mesh those of its copies come from their owners, which have
 /// all faces around them.
 fn agreed(system: &System, applied: Result<(), BadGiven>, u: &mut [f64]) -> Result<(), BadGiven> {
-    if system.mesh.is_whole() {
+    let team = system.mesh.holders();
+    if team.is_alone() {
         return applied;
     }
-    BadGiven::agreed(applied, system.team())?;
+    BadGiven::agreed(applied, team)?;
     system.update_copies(u);
     Ok(())
 }
@@ -192,7 +202,7 @@ fn highest(
         base[of.dofs.clone()].copy_from_slice(&from[of.dofs.clone()]);
     }
     rhs.iter_mut().for_each(|r| *r = -*r);
-    let found = mass.rates(&rhs, false)?;
+    let found = mass.rates(&rhs, As::Written)?;
     let mut out = base.clone();
     scene.system.numbering.advance(&base, &found, 1.0, &mut out);
     Ok((out, !mass.leaves_some_out()))
@@ -206,19 +216,18 @@ pub(crate) struct Mass {
     rated: Vec<bool>,
     massless: Vec<bool>,
     root: f64,
-    symmetric: bool,
+    symmetry: Symmetry,
 }
 
 impl Mass {
-    /// The highest rates of forces, by free number, or by the transposed equations; zero for what has no rate or no mass.
-    pub(crate) fn rates(&self, forces: &[f64], transposed: bool) -> Result<Vec<f64>, NewtonError> {
-        let Self { matrix, scale, rated, massless, root, symmetric } = self;
+    /// The highest rates of forces, by free number; zero for what has no rate or no mass.
+    pub(crate) fn rates(&self, forces: &[f64], form: As) -> Result<Vec<f64>, NewtonError> {
+        let Self { matrix, scale, rated, massless, root, symmetry } = self;
         let of = |(k, force): (usize, &f64)| if massless[k] { 0.0 } else { force * scale[k] };
         let rhs: Vec<f64> = forces.iter().enumerate().map(of).collect();
-        let mut found = if transposed && !symmetric {
-            mass_solution(&matrix.transpose(), *symmetric, &rhs)?
-        } else {
-            mass_solution(matrix, *symmetric, &rhs)?
+        let mut found = match (form, symmetry) {
+            (As::Transposed, Symmetry::General) => mass_solution(&matrix.transpose(), *symmetry, &rhs)?,
+            _ => mass_solution(matrix, *symmetry, &rhs)?,
         };
         for (x, rated) in found.iter_mut().zip(rated) {
             *x = if *rated { root * *x } else { 0.0 };
@@ -263,9 +272,9 @@ fn mass(scene: &mut Solving<'_>, u: &[f64], at: StepTime, held: &Csr) -> Result<
     let without_mass = |k: usize| weighted.get(k, k) == held.get(k, k) || relieved(k);
     let massless: Vec<bool> = (0..rated.len()).map(|k| rated[k] && without_mass(k)).collect();
     let scale: Vec<f64> = rated.iter().map(|r| if *r { 1.0 / root } else { root }).collect();
-    let symmetric = scene.system.is_symmetric() && rated.iter().all(|r| *r);
+    let symmetry = Symmetry::known(scene.system.is_symmetric() && rated.iter().all(|r| *r));
     let matrix = scaled(&weighted, &scale, &massless)?;
-    Ok(Mass { matrix, scale, rated, massless, root, symmetric })
+    Ok(Mass { matrix, scale, rated, massless, root, symmetry })
 }
 
 /// The accelerations with a mass on the diagonal; those that are prescribed stay.
@@ -318,13 +327,13 @@ fn scaled(matrix: &Csr, scale: &[f64], left_out: &[bool]) -> Result<Csr, NewtonE
     Ok(made.map_err(SystemError::from)?)
 }
 
-fn mass_solution(matrix: &Csr, symmetric: bool, rhs: &[f64]) -> Result<Vec<f64>, NewtonError> {
+fn mass_solution(matrix: &Csr, symmetry: Symmetry, rhs: &[f64]) -> Result<Vec<f64>, NewtonError> {
     let mut x = vec![0.0; rhs.len()];
     if rhs.is_empty() {
         return Ok(x);
     }
     let options = SolverOptions { threads: rayon::current_num_threads(), ..SolverOptions::default() };
-    let mut solver: Box<dyn LinearSolver> = if symmetric {
+    let mut solver: Box<dyn LinearSolver> = if symmetry == Symmetry::Symmetric {
         Box::new(CheckedLlt::new(matrix.pattern(), None, options)?)
     } else {
         Box::new(CheckedLu::new(matrix.pattern(), None, options)?)

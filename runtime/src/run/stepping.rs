@@ -158,7 +158,6 @@ impl Stepper {
     /// The same of all ranks, made by all together.
     pub(super) fn memory_of_all(&self, scene: &Solving<'_>) -> Memory {
         match &self.tangent {
-            _ if !scene.system.mesh.is_whole() => self.memory(scene),
             Some(tangent) => Memory::of_all(scene, tangent),
             None if scene.explicit.is_some() => Memory::without_tangent(scene),
             None => Memory::of_all(scene, &scene.system.new_tangent()),
@@ -171,7 +170,7 @@ impl Stepper {
             return memory.recall_without_tangent(scene);
         }
         let tangent = self.tangent.get_or_insert_with(|| scene.system.new_tangent());
-        if scene.system.mesh.is_whole() { memory.recall_of_all(scene, tangent) } else { memory.recall(scene, tangent) }
+        memory.recall_of_all(scene, tangent)
     }
 
     /// Solves the step; `u` holds the state before and then the one after.

@@ -9,7 +9,7 @@ use wfl_compiler::types::ImageBy;
 
 use super::{ended::Ended, growth::Growth};
 use crate::{
-    checks::{self, Alternating, DistantContact, LargeStrain, PorePressure},
+    checks::{self, Alternating, DistantContact, LargeStrain, PorePressure, SmallStrainBody},
     contact::{Images, images},
     finite::position,
     scene::{Scene, Solving},
@@ -64,8 +64,9 @@ impl WatchedImages {
         self.last = now;
     }
 
-    /// What there is to say at the end; that there never was an image where `all` steps were looked at.
-    fn told(&self, scene: &Solving<'_>, all: bool) -> Vec<Diagnostic> {
+    /// What there is to say at the end; that there never was an image where all steps were looked at.
+    fn told(&self, run: &Ended<'_>) -> Vec<Diagnostic> {
+        let (scene, has_seen_all) = (run.scene, run.has_seen_all());
         let name = |term: usize| &scene.system.terms[term].law.name;
         let has_rays = |term: usize| {
             let points = scene.system.terms[term].integrator.domain.moving.as_ref();
@@ -88,7 +89,7 @@ impl WatchedImages {
                 d
             }
         });
-        let never = self.last.iter().filter(|images| all && !self.found.contains(&images.term)).map(|images| {
+        let never = self.last.iter().filter(|images| has_seen_all && !self.found.contains(&images.term)).map(|images| {
             let name = name(images.term);
             let text = match has_rays(images.term) {
                 true => {
@@ -116,7 +117,7 @@ impl WatchedImages {
 
 #[derive(Clone, Debug)]
 struct Kept {
-    bodies: Vec<(usize, bool)>,
+    bodies: Vec<SmallStrainBody>,
     pressures: Vec<PorePressure>,
     distant: Vec<DistantContact>,
 }
@@ -134,7 +135,7 @@ impl Watched {
         kept.distant.retain_mut(|distant| !checks::has_closed(system, contact, u, distant));
         let strained = checks::large_strains(system, u, &kept.bodies);
         for found in strained {
-            kept.bodies.retain(|(k, _)| system.fields[*k].name != found.field);
+            kept.bodies.retain(|body| system.fields[body.field].name != found.field);
             self.strained.push((time, found));
         }
         let alternating = checks::alternating(system, u, &mut kept.pressures);
@@ -190,7 +191,7 @@ pub(super) fn alternating(run: &Ended<'_>) -> Vec<Diagnostic> {
 
 /// W632 and W670 for images that were lost, or never found.
 pub(super) fn lost_images(run: &Ended<'_>) -> Vec<Diagnostic> {
-    run.run.watched.images.told(run.scene, run.has_seen_all())
+    run.run.watched.images.told(run)
 }
 
 /// W645.

@@ -82,9 +82,9 @@ impl Builder<'_> {
                 complete = false;
                 continue;
             };
-            if self.mesh.is_whole() {
+            self.mesh.check_whole(|| {
                 low_rules::check(self.script, &placed, &domain, &self.fields, self.diagnostics);
-            }
+            });
             let slots = LawSlots { inputs: &placed.law.inputs, tests: &placed.law.tests, trials: &placed.law.trials };
             match Binding::new(&self.mesh, &domain, &self.fields, slots) {
                 Ok(binding) => {

@@ -20,8 +20,9 @@ use super::{
     Scene, StateUpdate, Steps, TablesOf, VtkOutput, With,
     assemble::Assembled,
     batch::Batch,
-    constants, constraints, coverage, explicit, fields, idle, mappings, massless, measures, meeting, mesh, options,
-    outputs,
+    constants, constraints, coverage,
+    effects::Reads,
+    explicit, fields, idle, mappings, massless, measures, meeting, mesh, options, outputs,
     place::{Findings, OnTeam, Place, part_of_mesh, whole},
     rates::{self, Integration},
     reactions, rest, states, terms,
@@ -192,9 +193,7 @@ impl Builder<'_> {
     fn build(mut self) -> Option<(Scene, Integration)> {
         let begin = Instant::now();
         let (laws, renewed, rules) = self.laws();
-        if self.mesh.is_whole() {
-            coverage::check(self.script, &self.mesh, &laws, self.diagnostics);
-        }
+        self.check_whole(|scene| coverage::check(scene.script, &scene.mesh, &laws, scene.diagnostics));
         let compile_terms = begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();
@@ -203,8 +202,8 @@ impl Builder<'_> {
 
         let begin = Instant::now();
         let values = self.values(&numbered, &rules);
-        if let Some(made) = numbered.assembled.as_ref().filter(|_| self.mesh.is_whole()) {
-            self.zero_loads(made, values.steps.as_ref());
+        if let Some(made) = &numbered.assembled {
+            self.check_whole(|scene| scene.zero_loads(made, values.steps.as_ref()));
         }
         if numbered.assembled.is_none() || self.diagnostics.iter().any(Diagnostic::is_error) {
             self.outputs(&rules, values.steps.as_ref());
@@ -240,9 +239,11 @@ impl Builder<'_> {
         let mut numbering = self.numbering(&used);
         let prescribed = self.constraints(&mut numbering, &laws, &used);
         let broken = !self.script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error);
-        if !broken && self.mesh.is_whole() {
-            self.effects(&laws, &prescribed, &numbering);
-            self.read_but_in_no_term(&numbering);
+        if !broken {
+            self.check_whole(|scene| {
+                scene.effects(&laws, &prescribed, &numbering);
+                scene.read_but_in_no_term(&numbering);
+            });
         }
         let assembled = if broken { None } else { self.assemble_terms(laws, rules, &numbering) };
         Numbered { numbering, prescribed, states, used, rates, past, assembled }
@@ -313,12 +314,12 @@ impl Builder<'_> {
         let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
         let reads_past = reads_past || outputs_read_past(&vtk, csv.iter().chain(&series));
+        let reads = if reads_past { Reads::Past } else { Reads::Present };
         let steps = steps?;
-        if self.mesh.is_whole() {
-            self.statements_without_effect(&numbering, &mut prescribed, &steps, reads_past || rates)?;
-        }
+        let step_reads = if rates { Reads::Past } else { reads };
+        self.statements_without_effect(&numbering, &mut prescribed, &steps, step_reads)?;
         let rates = rates::of(integration.scheme, self.env.rates, &self.fields, &numbering);
-        let known = Known { rates, ..nothing_known(&self.fields, &numbering, reads_past) };
+        let known = Known { rates, ..nothing_known(&self.fields, &numbering, reads) };
         let unused_fields = self.unused_fields(&used, &numbering);
         let env = self.owned_env();
         let made = System::new(self.mesh, self.fields, numbering, terms, known)
@@ -394,18 +395,27 @@ impl Builder<'_> {
         (0..self.fields.len()).filter(left_out).map(|k| self.fields[k].name.clone()).collect()
     }
 
+    /// Makes a check that looks at the whole scene, as [`Mesh::check_whole`] says.
+    fn check_whole(&mut self, check: impl FnOnce(&mut Self)) {
+        if self.mesh.is_whole() {
+            check(self);
+        }
+    }
+
     /// Tells of first values, steps and prescribed values that change nothing; `None` if one of them is an error.
     fn statements_without_effect(
         &mut self,
         numbering: &Numbering,
         prescribed: &mut Prescribed,
         steps: &Steps,
-        has_past: bool,
+        reads: Reads,
     ) -> Option<()> {
-        self.idle_starts(numbering, prescribed, has_past);
-        self.idle_steps(steps, has_past);
-        self.contradictions(prescribed, steps, numbering.n_dofs);
-        self.nothing_to_solve(numbering, prescribed);
+        self.check_whole(|scene| {
+            scene.idle_starts(numbering, prescribed, reads);
+            scene.idle_steps(steps, reads);
+            scene.contradictions(prescribed, steps, numbering.n_dofs);
+            scene.nothing_to_solve(numbering, prescribed);
+        });
         (!self.diagnostics.iter().any(Diagnostic::is_error)).then_some(())
     }
 
@@ -551,10 +561,10 @@ fn outputs_read_past<'a>(vtk: &[VtkOutput], mut csv: impl Iterator<Item = &'a Cs
 }
 
 /// Zero in all fields that are not solved for, now and in the past where something reads it.
-fn nothing_known(fields: &[Field], numbering: &Numbering, reads_past: bool) -> Known {
+fn nothing_known(fields: &[Field], numbering: &Numbering, reads: Reads) -> Known {
     let solved = |k: usize| numbering.starts[k].is_some();
     let values = |(k, f): (usize, &Field)| if solved(k) { Vec::new() } else { vec![0.0; f.n_dofs()] };
     let data: Vec<Vec<f64>> = fields.iter().enumerate().map(values).collect();
-    let previous = reads_past.then(|| Past { unknowns: vec![0.0; numbering.n_dofs], data: data.clone() });
+    let previous = (reads == Reads::Past).then(|| Past { unknowns: vec![0.0; numbering.n_dofs], data: data.clone() });
     Known { data, previous, rates: None }
 }

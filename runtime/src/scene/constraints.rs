@@ -366,7 +366,7 @@ impl ConstraintMaker<'_> {
             region.nodes_of(field, self.parts.mesh, self.parts.topology)
         };
         // a part of the mesh may have none of them
-        if nodes.is_empty() && self.parts.mesh.is_whole() {
+        if self.parts.mesh.lacks(&nodes) {
             let d = Diagnostic::new(Code::E401, format!("`fix {}` meets no node of `{}`", field.name, field.name));
             let region = &self.parts.regions[&place.name];
             let text = self.elsewhere(&place.name, &region.set, &field.name);

@@ -33,6 +33,15 @@ use crate::{
 /// Steps at which prescribed values are compared, the first and the last among them.
 const COMPARED_STEPS: usize = 16;
 
+/// What a step of a scene reads.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Reads {
+    /// The step alone.
+    Present,
+    /// Also the one before.
+    Past,
+}
+
 impl Builder<'_> {
     /// Everything that is known once dofs are numbered and fixed: loads on what is fixed, rules without terms, tears of
     /// nothing, terms that are zero.
@@ -311,7 +320,7 @@ impl Builder<'_> {
     }
 
     /// W411 for first guesses of fields whose every value is prescribed; E434 for two of one field.
-    pub(super) fn idle_starts(&mut self, numbering: &Numbering, prescribed: &Prescribed, keeps_past: bool) {
+    pub(super) fn idle_starts(&mut self, numbering: &Numbering, prescribed: &Prescribed, reads: Reads) {
         let script = self.script;
         let mut seen: Vec<&Ident> = Vec::new();
         for statement in &script.starts {
@@ -324,7 +333,7 @@ impl Builder<'_> {
             let k = self.fields.iter().position(|f| f.name == name.name);
             let Some((k, start)) = k.and_then(|k| Some((k, numbering.starts[k]?))) else { continue };
             let own = start..start + self.fields[k].n_dofs();
-            if !keeps_past && own.clone().all(|d| numbering.free[d] == FIXED) {
+            if reads == Reads::Present && own.clone().all(|d| numbering.free[d] == FIXED) {
                 let d = Diagnostic::new(Code::W411, format!("`start {}` has no effect", name.name));
                 let d = d.at(statement.span, "every value of the field is prescribed");
                 let by = own.clone().find_map(|dof| prescribed.held_by(dof));
@@ -345,11 +354,11 @@ impl Builder<'_> {
     }
 
     /// W411 for steps whose variable nothing reads.
-    pub(super) fn idle_steps(&mut self, steps: &Steps, keeps_past: bool) {
+    pub(super) fn idle_steps(&mut self, steps: &Steps, reads: Reads) {
         let script = self.script;
         let Some(statement) = &script.steps else { return };
         let remembers = script.fields.iter().any(|f| matches!(f.kind, Declared::State { .. }));
-        if steps.values.len() < 2 || keeps_past || remembers {
+        if steps.values.len() < 2 || reads == Reads::Past || remembers {
             return;
         }
         let mut reads = false;

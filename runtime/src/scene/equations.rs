@@ -206,7 +206,7 @@ impl Scene {
 
 /// Values at the nodes that this rank has: of a part of the mesh the others have other nodes, and other errors.
 fn agreed(system: &System, own: Result<Vec<f64>, BadGiven>) -> Result<Vec<f64>, BadGiven> {
-    if system.mesh.is_whole() { own } else { BadGiven::agreed(own, system.mesh.team()) }
+    BadGiven::agreed(own, system.mesh.holders())
 }
 
 pub(crate) fn node_positions(system: &System, field: usize) -> Vec<[f64; 3]> {

@@ -160,9 +160,7 @@ fn state_points(
     let set = support(&declared.space.place, &declared.name, regions, diagnostics)?;
     let is_edges = matches!(set, RegionSet::Edges(_));
     match Domain::new(mesh, &set, &vertex) {
-        Ok(domain) if !is_edges && (!mesh.is_whole() || !domain.groups.is_empty()) => {
-            Some(PointSpace::new(mesh, &domain))
-        }
+        Ok(domain) if !is_edges && !mesh.lacks(&domain.groups) => Some(PointSpace::new(mesh, &domain)),
         Ok(_) => {
             let d = Diagnostic::new(Code::E405, "a state is defined on cells or faces, not on nodes");
             diagnostics.push(d.at(declared.space.span, ""));
@@ -315,9 +313,8 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
         },
         RegionSet::Interface(i) => (PlaceKind::Interface, format!("an interface of {} faces", i.len())),
         RegionSet::Edges(e) => {
-            let two_sides = has_neighbours(e, mesh);
-            let kind = if two_sides { PlaceKind::InnerEdges } else { PlaceKind::Edges };
-            (kind, edges_in_words(e.len(), mesh.dim(), two_sides))
+            let kind = if has_neighbours(e, mesh) { PlaceKind::InnerEdges } else { PlaceKind::Edges };
+            (kind, edges_in_words(e.len(), mesh.dim(), kind))
         }
         RegionSet::Nodes(n) => (PlaceKind::Global, format!("a region of {} nodes", n.len())),
     };
@@ -334,9 +331,7 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
         RegionSet::Nodes(_) => (false, false),
     };
     let (mut here, mut there): (Vec<bool>, Vec<bool>) = fields.iter().map(lives).unzip();
-    if !mesh.is_whole() {
-        here.iter_mut().chain(&mut there).for_each(|lives| *lives = mesh.team().all(*lives));
-    }
+    here.iter_mut().chain(&mut there).for_each(|lives| *lives = mesh.holders().all(*lives));
     PlaceSig {
         name: name.to_owned(),
         kind,
@@ -352,15 +347,13 @@ pub(super) fn place_sig(name: &str, region: &NamedRegion, mesh: &Mesh, fields: &
 /// True where all edges are seen from one face with the face across, on all ranks.
 pub(super) fn has_neighbours(edges: &[FaceEdge], mesh: &Mesh) -> bool {
     let all = edges.iter().all(|edge| edge.across.is_some());
-    if mesh.is_whole() {
-        return all && !edges.is_empty();
-    }
-    let (all, any) = (mesh.team().all(all), mesh.team().any(!edges.is_empty()));
+    let (all, any) = (mesh.holders().all(all), mesh.holders().any(!edges.is_empty()));
     all && any
 }
 
 /// A rim or what lies between faces, for messages.
-fn edges_in_words(n: usize, dim: usize, two_sides: bool) -> String {
+fn edges_in_words(n: usize, dim: usize, kind: PlaceKind) -> String {
+    let two_sides = kind.has_two_sides();
     let (one, many) = match (dim < 3, two_sides) {
         (true, true) => ("point", "points"),
         (true, false) => ("end", "ends"),

@@ -210,7 +210,7 @@ impl Builder<'_> {
                 own.extend(points_of(&self.mesh, set, k).into_iter().flatten());
             }
         }
-        let all = if self.mesh.is_whole() { own } else { self.mesh.team().all_numbers(&own) };
+        let all = self.mesh.holders().all_numbers(&own);
         let all: Vec<[f64; 3]> = all.chunks_exact(3).map(|x| [x[0], x[1], x[2]]).collect();
         let every = all.len().div_ceil(2 * PLACES).max(1);
         let chosen: Vec<[f64; 3]> = all.into_iter().step_by(every).collect();

@@ -29,10 +29,10 @@ pub(super) fn check(
     jumps: &[ValueJump],
     diagnostics: &mut Vec<Diagnostic>,
 ) {
-    // found with the whole mesh
-    if !parts.mesh.is_whole() {
-        return;
-    }
+    parts.mesh.check_whole(|| check_all(parts, place, set, jumps, diagnostics));
+}
+
+fn check_all(parts: Parts<'_>, place: &str, set: &RegionSet, jumps: &[ValueJump], diagnostics: &mut Vec<Diagnostic>) {
     if let RegionSet::Edges(edges) = set {
         along(parts, place, edges, jumps, diagnostics);
     }

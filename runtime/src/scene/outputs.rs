@@ -298,7 +298,7 @@ impl OutputMaker<'_> {
     /// E435 for a line of which nothing is sampled, W415 for one with points outside the mesh or a quantity that lives
     /// on no point of it.
     fn outside(&mut self, output: &wfl::Output, line: &LineSample) {
-        let Some((from, to)) = output.along.as_ref().filter(|_| self.parts.mesh.is_whole()) else { return };
+        let Some((from, to)) = &output.along else { return };
         let span = from.span.to(to.span);
         let n = line.n_points();
         let found = line.found();
@@ -526,7 +526,7 @@ impl OutputMaker<'_> {
                 }
             }
         }
-        self.outside(output, &line);
+        self.parts.mesh.check_whole(|| self.outside(output, &line));
         Some(CsvOutput { file: output.file.clone(), every: self.every(output)?, line })
     }
 }

@@ -106,8 +106,8 @@ impl TermMaker<'_> {
         }
         let place = |list: &[NodeId]| format!("{:?}", &self.parts.mesh.node(list[0])[..self.parts.mesh.dim()]);
         // what a part of the mesh lacks is on other ranks
-        let is_whole = self.parts.mesh.is_whole();
-        if is_whole && !missing.is_empty() {
+        let (missing, torn) = self.parts.mesh.check_whole(|| (missing, torn));
+        if !missing.is_empty() {
             let what = format!(
                 "`{}` has no node at {} of its {} nodes, the first at {}",
                 field.name,
@@ -123,7 +123,7 @@ impl TermMaker<'_> {
             };
             return Err((what, help));
         }
-        if is_whole && !torn.is_empty() {
+        if !torn.is_empty() {
             let what =
                 format!("`split` gives `{}` two nodes at {}: the load does not say which", field.name, place(&torn));
             return Err((what, faces));

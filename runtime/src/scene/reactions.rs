@@ -164,7 +164,7 @@ impl Builder<'_> {
             };
             let own: Vec<u32> = own.iter().filter(is_held).copied().collect();
             // a part of the mesh may have none of them
-            if own.is_empty() && self.mesh.is_whole() {
+            if self.mesh.lacks(&own) {
                 let name = &self.fields[field].name;
                 let d = Diagnostic::new(Code::E460, format!("no value of `{name}` is prescribed on `{}`", place.name));
                 let d =

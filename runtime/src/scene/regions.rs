@@ -376,7 +376,7 @@ impl RegionMaker<'_> {
 
     /// W419 for a condition that cuts what it selects; the first of several ranks has the whole mesh, and says it.
     fn tell_cut(&mut self, entity: EntityKind, part: &Part, set: &RegionSet, condition: &Value, span: Span) {
-        if !self.mesh.is_whole() || set.is_empty() {
+        if !self.mesh.check_whole(|| !set.is_empty()) {
             return;
         }
         let candidates = match (entity, part) {

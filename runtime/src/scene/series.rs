@@ -19,9 +19,18 @@ use crate::{
 const MAX_AT: usize = 1000;
 
 impl OutputMaker<'_> {
-    /// W415 for points of a series at which none of its quantities has a value.
+    /// E435 for quantities that live on none of the points of a series, W415 for points at which none of them has a value.
+    fn lives_on_points(&mut self, output: &wfl::Output, line: &LineSample) {
+        for name in line.nowhere() {
+            let span = output.items.iter().find(|i| i.name == name).map_or(output.span, |i| i.span);
+            let d = Diagnostic::new(Code::E435, format!("`{name}` lives on none of the points of `{}`", output.file));
+            self.diagnostics.push(d.at(span, "").at(output.at[0].span, "the first point"));
+        }
+        self.points_outside(output, line);
+    }
+
     fn points_outside(&mut self, output: &wfl::Output, line: &LineSample) {
-        if !self.parts.mesh.is_whole() || line.is_empty() {
+        if line.is_empty() {
             return;
         }
         let found = line.found();
@@ -90,13 +99,7 @@ impl OutputMaker<'_> {
                 }
             }
         }
-        let nowhere = if self.parts.mesh.is_whole() { line.nowhere() } else { Vec::new() };
-        for name in nowhere {
-            let span = output.items.iter().find(|i| i.name == name).map_or(output.span, |i| i.span);
-            let d = Diagnostic::new(Code::E435, format!("`{name}` lives on none of the points of `{}`", output.file));
-            self.diagnostics.push(d.at(span, "").at(output.at[0].span, "the first point"));
-        }
-        self.points_outside(output, &line);
+        self.parts.mesh.check_whole(|| self.lives_on_points(output, &line));
         // a row of every step, unless the scene says otherwise
         let every = match output.every {
             None => Cadence { every: Every::Count(1), when: self.event(output)? },

@@ -154,12 +154,13 @@ fn met(table: &OverSteps<'_>, t: &[f64], x: &[f64], wanted: f64) -> f64 {
 /// another one at other points or states.
 fn tables_of<'s>(script: &'s ResolvedScript, env: &Env<'_>) -> (Vec<OverSteps<'s>>, Vec<String>) {
     let (mut found, mut others) = (Vec::new(), Vec::new());
-    let mut called = |file: &str, argument: &'s Expr, column: Option<&str>, guarded: bool| {
+    let mut called = |file: &str, argument: &'s Expr, column: Option<&str>, standing: Standing| {
         let Some(Ok(curve)) = script.tables.iter().find(|t| t.name == file).map(|t| t.curve(column)) else { return };
         // what is wrong with an argument is told with its statement; without a place no field has a value
         match compile_value(env, &global_place(env.fields.len()), "table", argument).value {
             Some(law) if !law.shape.is_scalar_like() => {}
             Some(law) if law.inputs.is_empty() && law.prologue.slots == [UniformSlot::Time] => {
+                let guarded = standing == Standing::InBranch;
                 found.push(OverSteps { curve, argument, guarded, law });
             }
             Some(law) if law.inputs.is_empty() => {}
@@ -172,7 +173,7 @@ fn tables_of<'s>(script: &'s ResolvedScript, env: &Env<'_>) -> (Vec<OverSteps<'s
             }
         }
     };
-    each_expression(script, &mut |e| each_call(e, false, &mut called));
+    each_expression(script, &mut |e| each_call(e, Standing::Free, &mut called));
     (found, others)
 }
 
@@ -197,38 +198,47 @@ fn each_expression<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr)) 
     script.outputs.iter().flat_map(|o| &o.items).for_each(|q| f(&q.expr));
 }
 
-/// A call: file, argument, column, and whether it stands in a branch of `if`.
-type Called<'s, 'f> = dyn FnMut(&'s str, &'s Expr, Option<&'s str>, bool) + 'f;
+/// Where a call stands.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Standing {
+    /// Its value is always asked for.
+    Free,
+    /// In a branch of `if`.
+    InBranch,
+}
+
+/// A call: file, argument, column, and where it stands.
+type Called<'s, 'f> = dyn FnMut(&'s str, &'s Expr, Option<&'s str>, Standing) + 'f;
 
 /// Calls `f` for each call of `table`.
-fn each_call<'s>(e: &'s Expr, guarded: bool, f: &mut Called<'s, '_>) {
+fn each_call<'s>(e: &'s Expr, standing: Standing, f: &mut Called<'s, '_>) {
     match &e.kind {
         ExprKind::Number(_) | ExprKind::Name(_) => {}
-        ExprKind::Sum(parts) => parts.iter().for_each(|(_, p)| each_call(p, guarded, f)),
+        ExprKind::Sum(parts) => parts.iter().for_each(|(_, p)| each_call(p, standing, f)),
         ExprKind::Product(first, rest) => {
-            each_call(first, guarded, f);
-            rest.iter().for_each(|(_, _, p)| each_call(p, guarded, f));
+            each_call(first, standing, f);
+            rest.iter().for_each(|(_, _, p)| each_call(p, standing, f));
         }
-        ExprKind::Negate(a) | ExprKind::Transpose(a) => each_call(a, guarded, f),
-        ExprKind::Power(a, b) => [a, b].into_iter().for_each(|p| each_call(p, guarded, f)),
+        ExprKind::Negate(a) | ExprKind::Transpose(a) => each_call(a, standing, f),
+        ExprKind::Power(a, b) => [a, b].into_iter().for_each(|p| each_call(p, standing, f)),
         ExprKind::Call(callee, arguments) => {
             if let (ExprKind::Name(word), [Argument::Text(file, _), Argument::Expr(argument), rest @ ..]) =
                 (&callee.kind, arguments.as_slice())
                 && word == "table"
             {
                 let column = if let [Argument::Text(column, _)] = rest { Some(column.as_str()) } else { None };
-                f(file, argument, column, guarded);
+                f(file, argument, column, standing);
             }
             for argument in arguments {
                 if let Argument::Expr(a) = argument {
-                    each_call(a, guarded, f);
+                    each_call(a, standing, f);
                 }
             }
         }
-        ExprKind::Tensor(rows) => rows.iter().flatten().for_each(|p| each_call(p, guarded, f)),
+        ExprKind::Tensor(rows) => rows.iter().flatten().for_each(|p| each_call(p, standing, f)),
         ExprKind::If(condition, a, b) => {
-            cond_children(condition, &mut |p| each_call(p, guarded, f));
-            [a, b].into_iter().for_each(|p| each_call(p, true, f));
+            cond_children(condition, &mut |p| each_call(p, standing, f));
+            [a, b].into_iter().for_each(|p| each_call(p, Standing::InBranch, f));
         }
     }
 }

@@ -159,8 +159,7 @@ impl TermMaker<'_> {
     /// E490 for the rim of a surface of which single nodes are taken.
     fn has_edges(&mut self, place: &Ident) -> Option<()> {
         let region = self.parts.regions.get(&place.name)?;
-        // a part of the mesh may have none of them
-        if region.edges.as_ref().is_none_or(|edges| !edges.is_empty()) || !self.parts.mesh.is_whole() {
+        if region.edges.as_ref().is_none_or(|edges| !self.parts.mesh.lacks(edges)) {
             return Some(());
         }
         let d = Diagnostic::new(Code::E490, format!("no edge lies in `{}`: nothing is integrated over it", place.name));
@@ -263,7 +262,7 @@ impl<'s> Listed<'s> {
         for (name, before) in self.before.iter().filter(|(_, before)| before.kind() == set.kind()) {
             let left = rest.difference(before).unwrap_or_else(|_| rest.clone());
             let shared = rest.len() - left.len();
-            if shared > 0 && mesh.is_whole() {
+            if mesh.check_whole(|| shared > 0) {
                 let one = match set.kind() {
                     RegionKind::Cells => "cell",
                     RegionKind::Facets | RegionKind::Interface => "face",

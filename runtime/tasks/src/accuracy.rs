@@ -10,8 +10,8 @@ use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
 use wfl_runtime::{
     Bodies, NO_SAMPLING, Outcome, Pruning, Quiet, SampleAt, Samples, Sampling, Scene,
     accuracy::{
-        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Found, Indicator, MESH_FILE, OfData, Out, Pair,
-        Probed, Rounds, Short, Trials, Ways, curvature, mesh_piece, probe, seek,
+        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Extent, Found, Guide, Indicator, MESH_FILE,
+        OfData, Out, Pair, Probed, Rounds, Short, Trials, Ways, curvature, mesh_piece, probe, seek,
     },
     checks::locked_bodies as locked,
     compare::{Compared, MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
@@ -330,8 +330,8 @@ fn trial(solved: Solved, seconds: f64, steps: usize) -> Trial {
 impl Trials for Lab<'_> {
     type Run = Trial;
 
-    fn run(&mut self, setting: &Setting, fineness: usize, rounds: &Rounds, last: bool) -> Result<Trial, String> {
-        let made = if last {
+    fn run(&mut self, setting: &Setting, fineness: usize, rounds: &Rounds, extent: Extent) -> Result<Trial, String> {
+        let made = if extent == Extent::WholeScene {
             self.run_whole(setting, rounds)
         } else {
             let fits =
@@ -420,10 +420,10 @@ impl Trials for Lab<'_> {
         marks.iter().any(|m| cells.binary_search(&m.cell).is_ok())
     }
 
-    fn indicator(&mut self, run: &Trial, rich: &Trial, by_gradients: bool) -> Result<Indicator, String> {
+    fn indicator(&mut self, run: &Trial, rich: &Trial, guide: Guide) -> Result<Indicator, String> {
         let pair = Pair { coarse: &run.solved, rich: &rich.solved };
         let quantity = &self.job.demand.quantity;
-        if by_gradients {
+        if guide == Guide::Gradients {
             return pair.of_gradients(self.bench.backend);
         }
         let mut found = pair.indicator(quantity, self.bench.backend, self.job.threads)?;
@@ -447,7 +447,7 @@ impl Trials for Lab<'_> {
 
     fn tighter(&mut self, run: &mut Trial, setting: &Setting, fineness: usize) -> Result<f64, String> {
         if remembers(&run.solved.scene) {
-            let tight = Trials::run(self, setting, fineness, &Rounds::new(), false)?;
+            let tight = Trials::run(self, setting, fineness, &Rounds::new(), Extent::Solution)?;
             return self.distance(run, &tight);
         }
         // the same problem continues from where it stopped

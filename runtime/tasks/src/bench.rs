@@ -141,7 +141,7 @@ fn sampled(
 
 /// The errors of a scene as they are shown.
 fn errors(loaded: &Loaded) -> String {
-    let shown = loaded.messages.iter().filter(|d| d.is_error()).map(|d| render(d, &loaded.sources, false));
+    let shown = loaded.messages.iter().filter(|d| d.is_error()).map(|d| render(d, &loaded.sources));
     shown.collect::<Vec<_>>().join("\n").trim_end().to_owned()
 }
 
@@ -154,10 +154,11 @@ impl Known {
         words
     }
 
-    /// Whether a run of the scene reads what it read at first; the text of the scene itself may be `extended`.
-    fn is_what_was_read(&self, inputs: &OrderedMap<Hash>, extended: bool) -> Result<(), String> {
+    /// Whether a run of the scene reads what it read at first; with `more` behind it the text of
+    /// the scene itself is another one.
+    fn is_what_was_read(&self, inputs: &OrderedMap<Hash>, more: &str) -> Result<(), String> {
         let changed = |(name, hash): &(&str, &Hash)| self.identity.inputs.get(name) != Some(hash);
-        match inputs.iter().skip(usize::from(extended)).find(changed) {
+        match inputs.iter().skip(usize::from(!more.is_empty())).find(changed) {
             Some((name, _)) => Err(format!("`{name}` changed while the runs were made: begin again")),
             None => Ok(()),
         }
@@ -236,7 +237,7 @@ impl Bench<'_> {
         let parse_seconds = started.elapsed().as_secs_f64();
         let kept = knobs::kept(setting).map_err(|e| e.to_string())?;
         let (mut scene, loaded) = sampled(loaded, self.backend, &kept, (self.rounds, self.sampling))?;
-        known.is_what_was_read(&inputs(&loaded, &scene), !more.is_empty())?;
+        known.is_what_was_read(&inputs(&loaded, &scene), more)?;
         let threads = knobs::threads(setting)
             .map_err(|e| e.to_string())?
             .map_or(self.threads, |n| limited_threads(n, self.listener));

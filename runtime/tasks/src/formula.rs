@@ -40,7 +40,7 @@ pub fn along(report: &Report, formula: &str, ends: [[f64; 3]; 2], time: f64) -> 
     let told = |loaded: &Loaded| {
         let (told, _) = one_per_cause(&loaded.messages, &loaded.sources);
         let errors = told.iter().filter(|d| d.is_error());
-        errors.map(|d| render(d, &loaded.sources, false)).collect::<Vec<_>>().join("\n")
+        errors.map(|d| render(d, &loaded.sources)).collect::<Vec<_>>().join("\n")
     };
     let errors = told(&loaded);
     if !errors.is_empty() {
@@ -65,7 +65,7 @@ pub fn along(report: &Report, formula: &str, ends: [[f64; 3]; 2], time: f64) -> 
     };
     let law = compile_value(&env, &place, "the formula", expr);
     let Some(law) = law.value else {
-        let messages: Vec<String> = law.diagnostics.iter().map(|d| render(d, &loaded.sources, false)).collect();
+        let messages: Vec<String> = law.diagnostics.iter().map(|d| render(d, &loaded.sources)).collect();
         return Err(format!("the formula `{formula}` cannot be drawn: {MAY_READ}\n{}", messages.join("\n")));
     };
     if law.shape.len() != 1 {

@@ -267,7 +267,7 @@ pub fn verify(of: Verified<'_>) -> Result<Comparison, String> {
         backend: of.backend,
         threads: of.threads,
     };
-    let found = gradients(differentiated, of.request).map_err(|d| wfl::render(&d, &loaded.sources, false))?;
+    let found = gradients(differentiated, of.request).map_err(|d| wfl::render(&d, &loaded.sources))?;
     let mut rows = Vec::new();
     for parameter in &of.request.parameters {
         let value = scene.params.iter().find(|p| p.0 == *parameter).map_or(&[][..], |p| p.1.values.as_slice());
@@ -385,10 +385,10 @@ fn solved(of: Verified<'_>, other: Option<(&str, f64, &Chosen)>) -> Result<(Load
     let prepared = loaded.prepare(of.backend, &[]);
     let Some(mut scene) = prepared else {
         let errors = loaded.messages.iter().filter(|d| d.is_error());
-        return Err(errors.map(|d| wfl::render(d, &loaded.sources, false)).collect::<Vec<_>>().join("\n"));
+        return Err(errors.map(|d| wfl::render(d, &loaded.sources)).collect::<Vec<_>>().join("\n"));
     };
     if other.is_none() {
-        ahead(&scene, &loaded.script, of.request).map_err(|d| wfl::render(&d, &loaded.sources, false))?;
+        ahead(&scene, &loaded.script, of.request).map_err(|d| wfl::render(&d, &loaded.sources))?;
     }
     if let Some((_, _, chosen)) = other.filter(|_| scene.steps.auto.is_some() || scene.explicit.is_some()) {
         scene.follow_steps(&chosen.times, chosen.orders.clone()).map_err(|e| format!("{e}\n"))?;

@@ -66,19 +66,18 @@ fn refused(why: impl Into<String>, help: &str) -> Refused {
 fn scene_of(macros: &[Macro], expr: &str, on: Option<&str>) -> Result<String, Refused> {
     let everything = macros.iter().map(|m| m.body.as_str()).chain([expr]).collect::<Vec<_>>().join(" ");
     let neighbor = everything.contains("neighbor_element") || everything.contains("neighbour_elt");
-    let normal = words(&everything).any(|w| w == "Normal");
-    let on = match on {
-        Some(on) => on,
-        None if neighbor => "interior",
-        None if normal => "boundary",
-        None => "all",
+    let place = match neighbor {
+        true => Place::InnerFaces,
+        false if words(&everything).any(|w| w == "Normal") => Place::Boundary,
+        false => Place::Bodies,
     };
+    let on = on.unwrap_or(place.region());
     known_here(macros, expr, on)?;
     let mut first = None;
     // on a line every shape is a scalar, so that nothing would be checked
     for dim in [3, 2] {
         let text = statements(macros, expr, on, dim);
-        let (scene, own) = (around(on, dim, normal, neighbor, &text), text.matches('\n').count());
+        let (scene, own) = (around(on, dim, place, &text), text.matches('\n').count());
         let Some(found) = problems(&scene, own) else { return Ok(text) };
         first.get_or_insert(found);
     }
@@ -155,18 +154,36 @@ fn mapping_of(everything: &str) -> Option<String> {
     None
 }
 
+/// Where an expression has a value, as its words say.
+#[derive(Clone, Copy)]
+enum Place {
+    Bodies,
+    Boundary,
+    InnerFaces,
+}
+
+impl Place {
+    /// The region of this kind that every scene has.
+    fn region(self) -> &'static str {
+        match self {
+            Place::Bodies => "all",
+            Place::Boundary => "boundary",
+            Place::InnerFaces => "interior",
+        }
+    }
+}
+
 /// The statements in a small scene.
-fn around(on: &str, dim: usize, normal: bool, neighbor: bool, text: &str) -> String {
+fn around(on: &str, dim: usize, place: Place, text: &str) -> String {
     let (corner, shape) = [("[1]", "segment"), ("[1,1]", "quad"), ("[1,1,1]", "hex")][dim - 1];
     let (low, cells) = (corner.replace('1', "0"), corner.replace('1', "2"));
-    let region = match (REGIONS.contains(&on), neighbor, normal) {
-        (true, ..) => String::new(),
-        (_, true, _) => format!(
+    let region = match place {
+        _ if REGIONS.contains(&on) => String::new(),
+        Place::InnerFaces => format!(
             "region wfl_one = cells where x < 0.5\nregion wfl_two = cells where x > 0.5\n\
              region {on} = interface from wfl_one to wfl_two\n"
         ),
-        (_, _, true) => format!("region {on} = boundary\n"),
-        _ => format!("region {on} = all\n"),
+        Place::Boundary | Place::Bodies => format!("region {on} = {}\n", place.region()),
     };
     let covered: String = text
         .lines()

@@ -36,7 +36,7 @@ impl Told {
 
     /// As they are printed.
     fn printed(&self) -> Vec<String> {
-        self.errors.iter().map(|d| render(d, &self.sources, false)).collect()
+        self.errors.iter().map(|d| render(d, &self.sources)).collect()
     }
 }
 

@@ -37,17 +37,17 @@ fn files_are_short() {
 
 /// A function as it stands in a file.
 #[derive(Debug, PartialEq)]
-struct Function {
-    name: String,
+pub(super) struct Function {
+    pub(super) name: String,
     /// Of its first line, from 1.
-    line: usize,
+    pub(super) line: usize,
     lines: usize,
     /// From its name to the end of its head.
-    signature: String,
+    pub(super) signature: String,
 }
 
 /// The functions of a file. Formatted code closes a function at its own indentation.
-fn functions(text: &str) -> Vec<Function> {
+pub(super) fn functions(text: &str) -> Vec<Function> {
     let lines: Vec<&str> = text.lines().collect();
     let mut found = Vec::new();
     for (start, line) in lines.iter().enumerate() {

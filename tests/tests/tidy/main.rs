@@ -1,9 +1,10 @@
 //! The rules of the code base that a compiler does not check: who depends on whom (`arrows`), no circle among the files
-//! of a crate (`circles`), who changes what (`counts`), how long files and functions are (`lengths`), and pages that must be
-//! there (`pages`).
+//! of a crate (`circles`), units and reasons of numbers (`constants`), who changes what (`counts`), how long files and
+//! functions are (`lengths`), and pages that must be there (`pages`).
 
 mod arrows;
 mod circles;
+mod constants;
 mod counts;
 mod lengths;
 mod pages;

@@ -83,7 +83,7 @@ error[E105]: `sigma` takes 1 argument, 2 given
 2 | term on all : sigma(uR, nu):Grad_Test_uR
   |               ^^^^^^^^^^^^^
 ";
-    assert_eq!(render(&d[0], &sources, false), expected);
+    assert_eq!(render(&d[0], &sources), expected);
     assert_eq!(one("def f(a) = a", "f"), "E105");
     assert_eq!(one("def f(a) = a", "f(:)"), "E105");
 }
@@ -102,7 +102,7 @@ error[E106]: `Grad_v` needs a field name, but `v` is an expression here
   |
   = help: 2*sigma(uL)
 ";
-    assert_eq!(render(&d[0], &sources, false), expected);
+    assert_eq!(render(&d[0], &sources), expected);
 }
 
 #[test]

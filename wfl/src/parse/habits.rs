@@ -91,7 +91,8 @@ impl Slip<'_> {
                 Some(d.replace(self.with_blanks_before(self.masked.trim_end().len() - self.at), ""))
             }
             _ if self.expects(Rule::k_Normal) => self.component_behind_point(found),
-            _ => self.missing_word(found).or_else(|| self.unit_or_digits(found, behind_value)),
+            _ if behind_value => self.missing_word(found).or_else(|| self.unit_or_digits(found)),
+            _ => self.missing_word(found),
         }
     }
 
@@ -301,10 +302,10 @@ impl Slip<'_> {
         None
     }
 
-    /// `3 MPa`, `1 000`, `[0 1]`.
-    fn unit_or_digits(&self, found: &str, behind_value: bool) -> Option<Diagnostic> {
+    /// What stands behind a value: `3 MPa`, `1 000`, `[0 1]`.
+    fn unit_or_digits(&self, found: &str) -> Option<Diagnostic> {
         let before = self.before();
-        if !behind_value || !before.ends_with(|c: char| c.is_ascii_digit() || c == '.') {
+        if !before.ends_with(|c: char| c.is_ascii_digit() || c == '.') {
             return None;
         }
         let left =

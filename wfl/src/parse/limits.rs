@@ -84,7 +84,7 @@ fn no_text_panics() {
             assert!(text.get(span.start as usize..span.end as usize).is_some(), "{text:?}: {d:?}");
         }
         if round % 50 == 0 {
-            parsed.diagnostics.iter().for_each(|d| assert!(render(d, &sources, false).contains(d.code.as_str())));
+            parsed.diagnostics.iter().for_each(|d| assert!(render(d, &sources).contains(d.code.as_str())));
         }
     }
 }

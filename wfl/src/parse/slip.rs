@@ -15,8 +15,8 @@ use crate::{
 use pest::error::{Error, ErrorVariant, InputLocation};
 
 /// The diagnostic for a parse that failed on `masked`, which starts at byte `base` of the source.
-/// `statement` is false for a lone expression.
-pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: SourceId, statement: bool) -> Diagnostic {
+/// `rule` is what was to be read: a statement, or a lone expression.
+pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: SourceId, rule: Rule) -> Diagnostic {
     let at = match error.location {
         InputLocation::Pos(p) | InputLocation::Span((p, _)) => p,
     };
@@ -25,7 +25,7 @@ pub(super) fn explain(error: &Error<Rule>, masked: &str, base: usize, id: Source
         return d.at(span_at(id, base, 0, 1), "").help("give parts of it a name: def part = ...");
     };
     let at = at + masked[at..].len() - masked[at..].trim_start().len();
-    Slip { masked, base, id, at, expected: positives, statement }.diagnostic()
+    Slip { masked, base, id, at, expected: positives, statement: rule == Rule::statement }.diagnostic()
 }
 
 /// The form of a choice between two values.

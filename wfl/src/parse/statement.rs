@@ -219,8 +219,8 @@ impl Reader<'_> {
             },
             Rule::split => ItemKind::Split(self.idents(&p.take_all(Rule::ident)), self.places(p.next())),
             Rule::def => ItemKind::Def(self.macro_def(p)?),
-            Rule::term | Rule::energy => self.term(rule == Rule::energy, p)?,
-            Rule::fix | Rule::load => self.condition_on(rule == Rule::fix, p)?,
+            Rule::term | Rule::energy => self.term(rule, p)?,
+            Rule::fix | Rule::load => self.condition_on(rule, p)?,
             Rule::start => self.start(p.next())?,
             Rule::steps => ItemKind::Steps {
                 variable: self.name(&p.next())?,
@@ -428,8 +428,8 @@ impl Reader<'_> {
     }
 
     /// The same for a term, where an equation is no condition but a residual that is written with its right side.
-    fn residual(&self, energy: bool, parts: Vec<Pair<'_>>) -> Parsed<(Vec<MacroDef>, Expr)> {
-        let equation = parts.last().filter(|_| !energy).and_then(|p| habits::equation_in(p));
+    fn residual(&self, rule: Rule, parts: Vec<Pair<'_>>) -> Parsed<(Vec<MacroDef>, Expr)> {
+        let equation = parts.last().filter(|_| rule == Rule::term).and_then(|p| habits::equation_in(p));
         self.defs_and_value(parts).map_err(|d| match equation {
             Some((at, sign)) if d.code == Code::E122 => {
                 let code = self.masked.trim_end();
@@ -452,18 +452,21 @@ impl Reader<'_> {
         Ok((defs, self.value(p.next())?))
     }
 
-    fn term(&self, energy: bool, mut p: Parts<'_>) -> Parsed<ItemKind> {
+    fn term(&self, rule: Rule, mut p: Parts<'_>) -> Parsed<ItemKind> {
         let name = p.take(Rule::name).map(|n| self.name(&n)).transpose()?;
         let places = self.places(p.next());
-        let (defs, expr) = self.residual(energy, p.0.collect())?;
-        Ok(ItemKind::Term { energy, name, places, defs, expr })
+        let (defs, expr) = self.residual(rule, p.0.collect())?;
+        Ok(ItemKind::Term { energy: rule == Rule::energy, name, places, defs, expr })
     }
 
-    fn condition_on(&self, fix: bool, mut p: Parts<'_>) -> Parsed<ItemKind> {
+    fn condition_on(&self, rule: Rule, mut p: Parts<'_>) -> Parsed<ItemKind> {
         let targets = p.take_all(Rule::target).into_iter().map(|t| self.target(t)).collect::<Parsed<Vec<Target>>>()?;
         let value = self.value(p.next())?;
         let places = self.places(p.next());
-        Ok(if fix { ItemKind::Fix { targets, value, places } } else { ItemKind::Load { targets, value, places } })
+        Ok(match rule {
+            Rule::fix => ItemKind::Fix { targets, value, places },
+            _ => ItemKind::Load { targets, value, places },
+        })
     }
 
     fn target(&self, pair: Pair<'_>) -> Parsed<Target> {

@@ -75,6 +75,13 @@ const ENDING: &str = ".wfl";
 /// Included files may name files in turn, this deep.
 const INCLUDE_DEPTH: usize = 50;
 
+/// Whose a text is.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Origin {
+    Scene,
+    Library,
+}
+
 /// The statements of a text with those of its included files in place.
 pub(super) struct Includes<'a> {
     pub(super) sources: &'a mut SourceMap,
@@ -82,8 +89,8 @@ pub(super) struct Includes<'a> {
     items: Vec<Item>,
     diagnostics: Vec<Diagnostic>,
     lost: Lost,
-    /// Files being read, outermost first, and whether each is a library file.
-    open: Vec<(String, bool)>,
+    /// Files being read, outermost first, and whose each is.
+    open: Vec<(String, Origin)>,
     done: BTreeSet<String>,
     library: BTreeSet<usize>,
 }
@@ -120,38 +127,37 @@ impl<'a> Includes<'a> {
     }
 
     /// Reads the text `id` and everything it uses.
-    pub(super) fn read(&mut self, id: SourceId, library: bool) {
-        self.open.push((self.sources.get(id).name.clone(), library));
+    pub(super) fn read(&mut self, id: SourceId, origin: Origin) {
+        self.open.push((self.sources.get(id).name.clone(), origin));
         let parsed = parse(self.sources, id);
         self.diagnostics.extend(parsed.diagnostics);
-        let mut first = true;
         let script = parsed.value.unwrap_or_default();
         self.lost.extend(script.lost);
-        for item in script.items {
+        for (place, item) in script.items.into_iter().enumerate() {
             match item.kind {
                 ItemKind::Use { ref path } => self.include(path, item.span, id),
-                ItemKind::Version(version) => self.version(version, first, item.span),
+                ItemKind::Version(version) => self.version(version, place, item.span),
                 _ => self.items.push(item),
             }
-            first = false;
         }
         if let Some((name, _)) = self.open.pop() {
             self.done.insert(name);
         }
     }
 
-    fn version(&mut self, version: f64, first: bool, span: Span) {
+    /// The version of the language, the statement with this place in its file.
+    fn version(&mut self, version: f64, place: usize, span: Span) {
         if version != 1.0 {
             let d = Diagnostic::new(Code::E126, format!("version {version} of the language is not known"));
             self.diagnostics.push(d.at(span, "this program reads version 1"));
-        } else if !first {
+        } else if place > 0 {
             let d = Diagnostic::new(Code::E126, "the version stands before every other statement");
             self.diagnostics.push(d.at(span, "").help("move this line to the top of the file"));
         }
     }
 
     fn include(&mut self, path: &str, span: Span, from: SourceId) {
-        let (name, text, library) = match self.find(path, from) {
+        let (name, text, origin) = match self.find(path, from) {
             Ok(found) => found,
             Err(not) => {
                 let code = if not.outside { Code::E217 } else { Code::E213 };
@@ -179,10 +185,10 @@ impl<'a> Includes<'a> {
         }
         if !self.done.contains(&name) {
             let id = self.sources.add(name, text);
-            if library {
+            if origin == Origin::Library {
                 self.library.insert(id.index());
             }
-            self.read(id, library);
+            self.read(id, origin);
         }
     }
 
@@ -191,18 +197,18 @@ impl<'a> Includes<'a> {
         format!("the library has {}", known.join(", "))
     }
 
-    /// Name, text and whether it is of the library. The ending may be left out; no file of another ending is read, since
+    /// Name, text and origin. The ending may be left out; no file of another ending is read, since
     /// messages show lines of it. Inside the library the library is asked first.
-    fn find(&mut self, path: &str, from: SourceId) -> Result<(String, String, bool), Unloaded> {
+    fn find(&mut self, path: &str, from: SourceId) -> Result<(String, String, Origin), Unloaded> {
         let whole = if path.ends_with(ENDING) { path.to_owned() } else { format!("{path}{ENDING}") };
-        let library =
-            || LIBRARY.iter().find(|l| l.0 == whole).map(|l| (format!("<library>/{whole}"), l.1.to_owned(), true));
-        let in_library = self.open.last().is_some_and(|o| o.1);
+        let named = |l: &(&str, &str)| (format!("<library>/{whole}"), l.1.to_owned(), Origin::Library);
+        let library = || LIBRARY.iter().find(|l| l.0 == whole).map(named);
+        let in_library = self.open.last().is_some_and(|o| o.1 == Origin::Library);
         if in_library && let Some(found) = library() {
             return Ok(found);
         }
         match self.loader.load(&whole, from) {
-            Ok((name, text)) => Ok((name, text, false)),
+            Ok((name, text)) => Ok((name, text, Origin::Scene)),
             // a file that is there and cannot be read is not replaced by another one
             Err(not) if !not.missing => Err(not),
             Err(not) => library().ok_or_else(|| match path.rsplit_once('.') {

@@ -1,6 +1,6 @@
 //! Options of statements and values from outside: both are checked against what the scene knows.
 
-use super::{OPTIONS, Override, Resolver, names};
+use super::{Allowed, OPTIONS, Override, Resolver, names};
 use crate::{
     ast::{ExprKind, Ident, OptionItem, OptionValue},
     codes::Code,
@@ -46,7 +46,7 @@ impl Resolver<'_> {
                 }
                 Some(OptionValue::Expr(e)) => Some(OptionValue::Expr(self.expr(e)?)),
             };
-            let places = self.places(&option.places, true)?;
+            let places = self.places(&option.places, Allowed::RegionsAndGlobal)?;
             resolved.push(OptionItem { name, value, places });
         }
         complete.map(|()| resolved)

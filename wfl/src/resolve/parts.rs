@@ -1,6 +1,6 @@
 //! The parts of statements with their macros expanded and their names checked.
 
-use super::{Resolver, names::Kind};
+use super::{Allowed, Resolver, names::Kind};
 use crate::{
     ast::{
         BoxDivision, Domain, Expr, ExprKind, Ident, MappingKind, MeshFile, MeshSource, OptionItem, OptionValue, Place,
@@ -51,7 +51,7 @@ impl Resolver<'_> {
     }
 
     pub(super) fn refine(&mut self, what: &Refine) -> Option<Refine> {
-        let places = self.places(&what.places, false);
+        let places = self.places(&what.places, Allowed::Regions);
         let condition = what.condition.as_ref().map(|c| self.cond(c));
         let times = self.optional(what.times.as_ref());
         Some(Refine {
@@ -64,17 +64,17 @@ impl Resolver<'_> {
 
     pub(super) fn region(&mut self, region: &RegionExpr) -> Option<RegionExpr> {
         Some(match region {
-            RegionExpr::Name(name) => RegionExpr::Name(self.place(name, false)?),
+            RegionExpr::Name(name) => RegionExpr::Name(self.place(name, Allowed::Regions)?),
             RegionExpr::Interface { from, to, span } => {
-                let (from, to) = (self.place(from, false), self.place(to, false));
+                let (from, to) = (self.place(from, Allowed::Regions), self.place(to, Allowed::Regions));
                 RegionExpr::Interface { from: from?, to: to?, span: *span }
             }
             RegionExpr::Along { surface, towards, span } => {
-                let (surface, towards) = (self.place(surface, false), self.optional(towards.as_ref()));
+                let (surface, towards) = (self.place(surface, Allowed::Regions), self.optional(towards.as_ref()));
                 RegionExpr::Along { surface: surface?, towards: towards?, span: *span }
             }
             RegionExpr::Picked { entity, of, condition, span } => {
-                let of = of.as_ref().map(|o| self.place(o, false));
+                let of = of.as_ref().map(|o| self.place(o, Allowed::Regions));
                 let condition = condition.as_ref().map(|c| self.cond(c));
                 let (of, condition) = (of.transpose_option()?, condition.transpose_option()?);
                 RegionExpr::Picked { entity: *entity, of, condition, span: *span }
@@ -91,7 +91,7 @@ impl Resolver<'_> {
         Some(match kind {
             MappingKind::Point(e) => MappingKind::Point(self.expr(e)?),
             MappingKind::Search { raytrace, from, onto, moving, within } => {
-                let (from, onto) = (self.place(from, false), self.place(onto, false));
+                let (from, onto) = (self.place(from, Allowed::Regions), self.place(onto, Allowed::Regions));
                 let within = self.optional(within.as_ref())?;
                 self.all_fields(moving, "a mapping moves with unknown displacements", |k| k == Kind::Unknown)?;
                 MappingKind::Search { raytrace: *raytrace, from: from?, onto: onto?, moving: moving.clone(), within }
@@ -117,7 +117,7 @@ impl Resolver<'_> {
             }
         };
         let place = match &space.place {
-            Place::On(places) => self.places(places, false).map(Place::On),
+            Place::On(places) => self.places(places, Allowed::Regions).map(Place::On),
             other => Some(other.clone()),
         };
         let (element, unit) = (space.element.clone(), space.unit.clone());

@@ -1,6 +1,8 @@
 //! Statements, one by one: each is added to the script when all its parts are right.
 
-use super::{FORMATS, Resolver, SCHEMES, SOLVERS, is_solved_for, names, names::Kind, parts::TransposeOption as _};
+use super::{
+    Allowed, FORMATS, Resolver, SCHEMES, SOLVERS, is_solved_for, names, names::Kind, parts::TransposeOption as _,
+};
 use crate::{
     ast::{Ident, Item, ItemKind, MeasureAt, OptionItem, QuadratureRule},
     script::{
@@ -83,7 +85,7 @@ impl<'d> Resolver<'d> {
             ItemKind::Split(fields, places) => {
                 let needed = "only unknowns can be split";
                 let known = self.all_fields(fields, needed, |k| k == Kind::Unknown);
-                let (fields, places) = (fields.clone(), self.places(places, false));
+                let (fields, places) = (fields.clone(), self.places(places, Allowed::Regions));
                 known.and(places.map(|places| self.script.splits.push(Split { fields, places, span })))?;
             }
             _ => {}
@@ -96,7 +98,7 @@ impl<'d> Resolver<'d> {
         match kind {
             ItemKind::Term { energy, name, places, defs, expr } => {
                 self.names.check_locals(defs, &mut self.diagnostics);
-                let places = self.places(places, true);
+                let places = self.places(places, Allowed::RegionsAndGlobal);
                 let expr = self.expander.expr_with(expr, defs)?;
                 self.note_words(&expr);
                 self.known_words(&[&expr])?;
@@ -173,7 +175,7 @@ impl<'d> Resolver<'d> {
                 self.script.solver = Some(Solver { name: name.clone(), options, span });
             }
             ItemKind::Quadrature { places, rule } => {
-                let places = self.places(places, false);
+                let places = self.places(places, Allowed::Regions);
                 let rule = match rule {
                     QuadratureRule::Vertex => QuadratureRule::Vertex,
                     QuadratureRule::Degree(e) => QuadratureRule::Degree(self.expr(e)?),
@@ -181,7 +183,7 @@ impl<'d> Resolver<'d> {
                 self.script.quadratures.push(Quadrature { places: places?, rule, span });
             }
             ItemKind::Measure { name, reduction, expr, places, at } => {
-                let places = self.places(places, true);
+                let places = self.places(places, Allowed::RegionsAndGlobal);
                 let at = match at {
                     MeasureAt::Point(x) => MeasureAt::Point(self.expr(x)?),
                     other => other.clone(),

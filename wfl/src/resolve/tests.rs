@@ -131,10 +131,10 @@ fn what_every_scene_needs_is_missed() {
 #[test]
 fn names_that_are_near_are_offered_with_their_line() {
     let (checked, sources) = run(&scene("fix u = 0 on wset"), &[], &[]);
-    let text = render(&checked.diagnostics[0], &sources, false);
+    let text = render(&checked.diagnostics[0], &sources);
     assert!(text.contains("^^^^ did you mean `west`, region on line 2?"), "{text}");
     let (checked, sources) = run(&scene("region c = cels"), &[], &[]);
-    assert!(render(&checked.diagnostics[0], &sources, false).contains("did you mean `cells`?"));
+    assert!(render(&checked.diagnostics[0], &sources).contains("did you mean `cells`?"));
 }
 
 #[test]
@@ -218,11 +218,11 @@ fn overrides_replace_values_and_unknown_ones_are_named() {
     assert_eq!(codes(&checked.diagnostics), "");
     assert_eq!((show(&script.params[0].value), show(&script.params[1].value)), ("10000".to_owned(), tree("k+1")));
     assert_eq!(sources.snippet(script.params[1].overridden.unwrap()), "e=k+1");
-    let text = render(&script.params[1].outside_domain(&sources), &sources, false);
+    let text = render(&script.params[1].outside_domain(&sources), &sources);
     assert!(text.contains("error[E701]: `e` must be one of 1, 2\n --> (command line):1:1"), "{text}");
     assert!(text.contains("^^^^^ declared: param e = 1 in {1, 2}, scene.wfl:7"), "{text}");
     let (checked, sources) = run(&scene(""), &[], &["kk=3"]);
-    let text = render(&checked.diagnostics[0], &sources, false);
+    let text = render(&checked.diagnostics[0], &sources);
     assert!(text.contains("E703") && text.contains("did you mean `k`, param on line 4 of scene.wfl?"), "{text}");
     let (checked, _) = run(&scene(""), &[], &["k=3", "k=4"]);
     assert_eq!(codes(&checked.diagnostics), "E209");
@@ -259,7 +259,7 @@ fn no_scene_panics() {
         }
         let (checked, sources) = run(&lines.join("\n"), &[], &[]);
         if round % 10 == 0 {
-            checked.diagnostics.iter().for_each(|d| assert!(render(d, &sources, false).contains(d.code.as_str())));
+            checked.diagnostics.iter().for_each(|d| assert!(render(d, &sources).contains(d.code.as_str())));
         }
     }
 }

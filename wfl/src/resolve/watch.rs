@@ -1,7 +1,7 @@
 //! Expressions of a state as a whole: `0.2*Dc/max(V) on fault`. Each reduction in them becomes a measure of its own, whose
 //! name stands in its place; the rest is arithmetic of numbers, parameters and measures.
 
-use super::Resolver;
+use super::{Allowed, Resolver};
 use crate::{
     ast::{Argument, CmpOp, Cond, CondKind, Expr, ExprKind, Ident, MeasureAt, OptionItem, OptionValue, Reduction},
     codes::Code,
@@ -35,7 +35,7 @@ impl Resolver<'_> {
     fn reduced(&mut self, mut e: Expr, owner: &Ident, places: &[Ident], watched: &mut Vec<Measure>) -> Expr {
         let before = watched.len();
         take(&mut e, "", places, watched);
-        self.check_places(owner, e.span, places, watched.len() > before);
+        self.check_places(owner, e.span, places, &watched[before..]);
         e
     }
 }
@@ -43,7 +43,7 @@ impl Resolver<'_> {
 impl Resolver<'_> {
     /// The sides of an event, the larger one first.
     pub(super) fn event(&mut self, name: &Ident, condition: &Cond, places: &[Ident], span: Span) -> Option<()> {
-        let places = self.places(places, true);
+        let places = self.places(places, Allowed::RegionsAndGlobal);
         let condition = self.reducing(|this| this.cond(condition))?;
         let places = places?;
         let (larger, smaller) = match condition.kind {
@@ -58,7 +58,7 @@ impl Resolver<'_> {
         let (mut larger, mut smaller) = (larger, smaller);
         take(&mut larger, &name.name, &places, &mut watched);
         take(&mut smaller, &name.name, &places, &mut watched);
-        self.check_places(name, larger.span, &places, !watched.is_empty());
+        self.check_places(name, larger.span, &places, &watched);
         self.script.events.push(Event { name: name.clone(), larger, smaller, watched, span });
         Some(())
     }
@@ -69,7 +69,7 @@ impl Resolver<'_> {
             self.diagnostics.push(d.help(format!("the form is: {}", form("measure").unwrap_or_default())));
             return None;
         }
-        let places = self.places(places, true);
+        let places = self.places(places, Allowed::RegionsAndGlobal);
         let mut expr = self.reducing(|this| this.expr(expr))?;
         let places = places?;
         let mut watched = Vec::new();
@@ -110,7 +110,9 @@ impl Resolver<'_> {
         None
     }
 
-    fn check_places(&mut self, owner: &Ident, at: Span, places: &[Ident], found: bool) {
+    /// E445 for reductions of an option or an event without places, and for places without reductions.
+    fn check_places(&mut self, owner: &Ident, at: Span, places: &[Ident], reductions: &[Measure]) {
+        let found = !reductions.is_empty();
         if found && places.is_empty() {
             let d = Diagnostic::new(Code::E445, format!("a reduction in `{}` needs a region", owner.name));
             self.diagnostics.push(d.at(at, "").help("max(V) on fault"));

@@ -25,19 +25,26 @@ use super::{
 pub(super) struct Solved {
     pub(super) length: Option<Unit>,
     /// The relation that says so; whether it is a sum of terms, which says something of each of its parts.
-    pub(super) length_from: Option<(Span, bool)>,
+    pub(super) length_from: Option<(Span, Strength)>,
     pub(super) time: Option<Unit>,
     /// The same of time.
-    pub(super) time_from: Option<(Span, bool)>,
+    pub(super) time_from: Option<(Span, Strength)>,
     pub(super) volume: Option<Unit>,
+}
+
+/// How sure a relation between units is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Strength {
+    Strong,
+    /// From a plain number or from the sum of terms: asked last.
+    Weak,
 }
 
 /// A product that has to be 1, with open units in it.
 #[derive(Clone, Debug)]
 pub(super) struct Equation {
     pub(super) ratio: Unit,
-    /// From a plain number or from the sum of terms: asked last.
-    pub(super) weak: bool,
+    pub(super) strength: Strength,
     pub(super) at: Span,
 }
 
@@ -237,8 +244,8 @@ impl<'s> Pass<'s> {
                 known.unit = if a.soft { part.unit.clone() } else { known.unit.take() };
                 continue;
             }
-            let weak = !a.named || !b.named;
-            if !self.fits(at, left, right, weak) {
+            let strength = if a.named && b.named { Strength::Strong } else { Strength::Weak };
+            if !self.fits(at, left, right, strength) {
                 return Err(Clash { left: left.clone(), right: right.clone() });
             }
             if left.is_open() && !right.is_open() {
@@ -253,7 +260,7 @@ impl<'s> Pass<'s> {
         let Some(ratio) = left.over(right) else { return true };
         if ratio.is_open() {
             if self.located {
-                self.fits(at, left, right, false);
+                self.fits(at, left, right, Strength::Strong);
             }
             return true;
         }
@@ -261,7 +268,7 @@ impl<'s> Pass<'s> {
     }
 
     /// True if the units are equal as far as they are known.
-    pub(super) fn fits(&mut self, at: Span, left: &Unit, right: &Unit, weak: bool) -> bool {
+    pub(super) fn fits(&mut self, at: Span, left: &Unit, right: &Unit, strength: Strength) -> bool {
         let Some(ratio) = left.over(right) else { return true };
         if !ratio.is_open() {
             return ratio.size().is_none_or(|s| s.is_one());
@@ -270,7 +277,7 @@ impl<'s> Pass<'s> {
         // more relations than that say nothing new
         let room = self.equations.len() < 2000;
         if fits && room && !self.equations.iter().any(|q| q.at == at && q.ratio == ratio) {
-            self.equations.push(Equation { ratio, weak, at });
+            self.equations.push(Equation { ratio, strength, at });
         }
         fits
     }
@@ -299,7 +306,7 @@ impl<'s> Pass<'s> {
         let unit = unit.clone();
         let fits = match value.soft {
             true => unit.is_open() || self.may_fit(part.span, &unit, &Unit::pure()),
-            false => self.fits(part.span, &unit, &Unit::pure(), true),
+            false => self.fits(part.span, &unit, &Unit::pure(), Strength::Weak),
         };
         if !fits {
             let text = format!("`{what}` needs a pure number");

@@ -6,7 +6,7 @@
 use crate::{codes::Code, diag::Diagnostic, source::Span};
 
 use super::{
-    eval::{Equation, Pass, Solved},
+    eval::{Equation, Pass, Solved, Strength},
     scene::Scene,
     table::NamedUnit,
     unit::{Ratio, Symbol, Unit},
@@ -35,8 +35,8 @@ fn improve(scene: &Scene<'_>, solved: &mut Solved, equations: &[Equation]) -> bo
             && let Some(found) = vote(scene, symbol, equations)
         {
             match symbol {
-                Symbol::Length => *length_from = Some((found.at, found.weak)),
-                Symbol::Time => *time_from = Some((found.at, found.weak)),
+                Symbol::Length => *length_from = Some((found.at, found.strength)),
+                Symbol::Time => *time_from = Some((found.at, found.strength)),
                 _ => {}
             }
             *slot = Some(found.unit);
@@ -50,21 +50,20 @@ fn improve(scene: &Scene<'_>, solved: &mut Solved, equations: &[Equation]) -> bo
 struct Found {
     unit: Unit,
     at: Span,
-    weak: bool,
+    strength: Strength,
     votes: usize,
 }
 
 fn vote(scene: &Scene<'_>, symbol: Symbol, equations: &[Equation]) -> Option<Found> {
-    let kinds = [false, true];
-    kinds.into_iter().find_map(|weak| {
+    [Strength::Strong, Strength::Weak].into_iter().find_map(|strength| {
         let mut votes: Vec<Found> = Vec::new();
-        for equation in equations.iter().filter(|q| q.weak == weak) {
+        for equation in equations.iter().filter(|q| q.strength == strength) {
             let Some(unit) = solution(&equation.ratio, symbol).and_then(|u| allowed(scene, symbol, u)) else {
                 continue;
             };
             match votes.iter_mut().find(|known| known.unit.same(&unit)) {
                 Some(known) => known.votes += 1,
-                None => votes.push(Found { unit, at: equation.at, weak, votes: 1 }),
+                None => votes.push(Found { unit, at: equation.at, strength, votes: 1 }),
             }
         }
         let most = votes.iter().map(|v| v.votes).max()?;
@@ -117,8 +116,8 @@ pub(super) fn unnamed(scene: &Scene<'_>, solved: &Solved) -> Vec<Diagnostic> {
 }
 
 /// A unit that weak relations alone ask for, and that is none of those that are known.
-fn outside<'u>(known: &[Symbol], found: Option<&'u Unit>, from: Option<(Span, bool)>) -> Option<(&'u Unit, Span)> {
-    let (unit, (at, weak)) = found.zip(from)?;
+fn outside<'u>(known: &[Symbol], found: Option<&'u Unit>, from: Option<(Span, Strength)>) -> Option<(&'u Unit, Span)> {
+    let (unit, (at, strength)) = found.zip(from)?;
     let is_known = known.is_empty() || known.iter().any(|k| Unit::of(*k).same(unit));
-    (weak && !is_known).then_some((unit, at))
+    (strength == Strength::Weak && !is_known).then_some((unit, at))
 }

@@ -9,7 +9,7 @@ use crate::{
 };
 
 use super::{
-    eval::{Pass, scale_note},
+    eval::{Pass, Strength, scale_note},
     statements::first_expr,
     unit::Unit,
 };
@@ -74,7 +74,7 @@ impl Pass<'_> {
             return;
         }
         let length = self.length();
-        if self.fits(e.span, &length, &unit, false) {
+        if self.fits(e.span, &length, &unit, Strength::Strong) {
             return;
         }
         let text = format!("a place in {}, and coordinates are in {}", unit.show(), length.show());

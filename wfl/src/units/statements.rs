@@ -11,7 +11,7 @@ use crate::{
 };
 
 use super::{
-    eval::{Pass, scale_note},
+    eval::{Pass, Strength, scale_note},
     unit::{Ratio, Unit},
     value::Value,
 };
@@ -269,7 +269,7 @@ impl<'s> Pass<'s> {
         };
         let fits = match part.soft || first.soft {
             true => self.may_fit(part.at, &part.unit, &first.unit),
-            false => self.fits(part.at, &part.unit, &first.unit, true),
+            false => self.fits(part.at, &part.unit, &first.unit, Strength::Weak),
         };
         if !fits {
             first.told = true;

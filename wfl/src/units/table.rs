@@ -14,45 +14,51 @@ struct Row {
     prefixes: bool,
 }
 
-const fn row(name: &'static str, scale: f64, powers: [i8; DIMENSIONS], prefixes: bool) -> Row {
-    Row { name, scale, powers, prefixes }
+/// A unit that takes no prefix.
+const fn unit(name: &'static str, scale: f64, powers: [i8; DIMENSIONS]) -> Row {
+    Row { name, scale, powers, prefixes: false }
+}
+
+/// A unit that takes the prefixes of the SI.
+const fn prefixed(name: &'static str, scale: f64, powers: [i8; DIMENSIONS]) -> Row {
+    Row { name, scale, powers, prefixes: true }
 }
 
 /// Units that are made of others stand first: a product is shown in this order, `MPa*mm`.
 const TABLE: &[Row] = &[
-    row("N", 1.0, [1, 1, -2, 0, 0, 0, 0], true),
-    row("Pa", 1.0, [1, -1, -2, 0, 0, 0, 0], true),
-    row("bar", 1e5, [1, -1, -2, 0, 0, 0, 0], true),
-    row("psi", 6_894.757_293_168_361, [1, -1, -2, 0, 0, 0, 0], false),
-    row("ksi", 6_894_757.293_168_361, [1, -1, -2, 0, 0, 0, 0], false),
-    row("lbf", 4.448_221_615_260_5, [1, 1, -2, 0, 0, 0, 0], false),
-    row("J", 1.0, [1, 2, -2, 0, 0, 0, 0], true),
-    row("W", 1.0, [1, 2, -3, 0, 0, 0, 0], true),
-    row("C", 1.0, [0, 0, 1, 0, 1, 0, 0], true),
-    row("V", 1.0, [1, 2, -3, 0, -1, 0, 0], true),
-    row("F", 1.0, [-1, -2, 4, 0, 2, 0, 0], true),
-    row("ohm", 1.0, [1, 2, -3, 0, -2, 0, 0], true),
-    row("T", 1.0, [1, 0, -2, 0, -1, 0, 0], true),
-    row("g", 1e-3, [1, 0, 0, 0, 0, 0, 0], true),
-    row("t", 1e3, [1, 0, 0, 0, 0, 0, 0], false),
-    row("L", 1e-3, [0, 3, 0, 0, 0, 0, 0], true),
-    row("darcy", 9.869_233e-13, [0, 2, 0, 0, 0, 0, 0], true),
-    row("m", 1.0, [0, 1, 0, 0, 0, 0, 0], true),
-    row("in", 0.0254, [0, 1, 0, 0, 0, 0, 0], false),
-    row("ft", 0.3048, [0, 1, 0, 0, 0, 0, 0], false),
-    row("rad", 1.0, [0; DIMENSIONS], true),
-    row("deg", std::f64::consts::PI / 180.0, [0; DIMENSIONS], false),
-    row("K", 1.0, [0, 0, 0, 1, 0, 0, 0], true),
-    row("degC", 1.0, [0, 0, 0, 1, 0, 0, 0], false),
-    row("A", 1.0, [0, 0, 0, 0, 1, 0, 0], true),
-    row("mol", 1.0, [0, 0, 0, 0, 0, 1, 0], true),
-    row("cd", 1.0, [0, 0, 0, 0, 0, 0, 1], true),
-    row("Hz", 1.0, [0, 0, -1, 0, 0, 0, 0], true),
-    row("s", 1.0, [0, 0, 1, 0, 0, 0, 0], true),
-    row("min", 60.0, [0, 0, 1, 0, 0, 0, 0], false),
-    row("h", 3600.0, [0, 0, 1, 0, 0, 0, 0], false),
-    row("day", 86_400.0, [0, 0, 1, 0, 0, 0, 0], false),
-    row("year", 31_557_600.0, [0, 0, 1, 0, 0, 0, 0], false),
+    prefixed("N", 1.0, [1, 1, -2, 0, 0, 0, 0]),
+    prefixed("Pa", 1.0, [1, -1, -2, 0, 0, 0, 0]),
+    prefixed("bar", 1e5, [1, -1, -2, 0, 0, 0, 0]),
+    unit("psi", 6_894.757_293_168_361, [1, -1, -2, 0, 0, 0, 0]),
+    unit("ksi", 6_894_757.293_168_361, [1, -1, -2, 0, 0, 0, 0]),
+    unit("lbf", 4.448_221_615_260_5, [1, 1, -2, 0, 0, 0, 0]),
+    prefixed("J", 1.0, [1, 2, -2, 0, 0, 0, 0]),
+    prefixed("W", 1.0, [1, 2, -3, 0, 0, 0, 0]),
+    prefixed("C", 1.0, [0, 0, 1, 0, 1, 0, 0]),
+    prefixed("V", 1.0, [1, 2, -3, 0, -1, 0, 0]),
+    prefixed("F", 1.0, [-1, -2, 4, 0, 2, 0, 0]),
+    prefixed("ohm", 1.0, [1, 2, -3, 0, -2, 0, 0]),
+    prefixed("T", 1.0, [1, 0, -2, 0, -1, 0, 0]),
+    prefixed("g", 1e-3, [1, 0, 0, 0, 0, 0, 0]),
+    unit("t", 1e3, [1, 0, 0, 0, 0, 0, 0]),
+    prefixed("L", 1e-3, [0, 3, 0, 0, 0, 0, 0]),
+    prefixed("darcy", 9.869_233e-13, [0, 2, 0, 0, 0, 0, 0]),
+    prefixed("m", 1.0, [0, 1, 0, 0, 0, 0, 0]),
+    unit("in", 0.0254, [0, 1, 0, 0, 0, 0, 0]),
+    unit("ft", 0.3048, [0, 1, 0, 0, 0, 0, 0]),
+    prefixed("rad", 1.0, [0; DIMENSIONS]),
+    unit("deg", std::f64::consts::PI / 180.0, [0; DIMENSIONS]),
+    prefixed("K", 1.0, [0, 0, 0, 1, 0, 0, 0]),
+    unit("degC", 1.0, [0, 0, 0, 1, 0, 0, 0]),
+    prefixed("A", 1.0, [0, 0, 0, 0, 1, 0, 0]),
+    prefixed("mol", 1.0, [0, 0, 0, 0, 0, 1, 0]),
+    prefixed("cd", 1.0, [0, 0, 0, 0, 0, 0, 1]),
+    prefixed("Hz", 1.0, [0, 0, -1, 0, 0, 0, 0]),
+    prefixed("s", 1.0, [0, 0, 1, 0, 0, 0, 0]),
+    unit("min", 60.0, [0, 0, 1, 0, 0, 0, 0]),
+    unit("h", 3600.0, [0, 0, 1, 0, 0, 0, 0]),
+    unit("day", 86_400.0, [0, 0, 1, 0, 0, 0, 0]),
+    unit("year", 31_557_600.0, [0, 0, 1, 0, 0, 0, 0]),
 ];
 
 /// Prefixes with the decimal logarithm of their value; the first is none.

@@ -2,7 +2,7 @@
 //! as a param without one does.
 
 use super::{
-    eval::{Pass, scale_note},
+    eval::{Pass, Strength, scale_note},
     scene::read,
     unit::Unit,
     value::Value,
@@ -44,7 +44,7 @@ impl Pass<'_> {
         // an unknown name in the file is reported once, and then fits everything
         if let (Some(needed), Some(found)) = (first, value.unit().cloned())
             && value.named
-            && !self.fits(argument.span, &needed, &found, false)
+            && !self.fits(argument.span, &needed, &found, Strength::Strong)
         {
             let d = Diagnostic::new(Code::E501, format!("\"{file}\" has rows over another unit"));
             let d = d

@@ -27,7 +27,7 @@ fn rendered(text: &str) -> String {
     let mut sources = SourceMap::new();
     let main = sources.add("hertz.wfl", text);
     let checked = resolve(&mut sources, main, &mut NoFiles, &[]);
-    checked.diagnostics.iter().map(|d| render(d, &sources, false)).collect()
+    checked.diagnostics.iter().map(|d| render(d, &sources)).collect()
 }
 
 /// The Hertz scene with some text replaced; every replaced text must be there.

@@ -8,7 +8,7 @@ use crate::{
     colour::style,
     map::{Map, MapCell, Meaning},
     marks::Mark,
-    scale::{Axis, Scale},
+    scale::{Axis, Ends, Scale},
     series::{Drawn, Series},
     surface::Surface,
     text::{Svg, clipped, escape, short, width},
@@ -23,18 +23,27 @@ const THINNEST: f64 = 2.0;
 /// Steps of the ramp beside a chart.
 const RAMP: usize = 32;
 
+/// What a chart stands on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sheet {
+    /// A file of its own, with style and ground.
+    File,
+    /// A page, which has both.
+    Page,
+}
+
 impl Chart {
-    pub(super) fn draw(&self, whole_file: bool) -> String {
-        self.drawn(whole_file, Svg::default()).0.text
+    pub(super) fn draw(&self, sheet: Sheet) -> String {
+        self.drawn(sheet, Svg::default()).0.text
     }
 
     /// What is drawn, for a picture of pixels, and its width and height.
     pub(crate) fn marks(&self) -> (Vec<Mark>, [f64; 2]) {
-        let (svg, size) = self.drawn(true, Svg { marks: Some(Vec::new()), ..Svg::default() });
+        let (svg, size) = self.drawn(Sheet::File, Svg { marks: Some(Vec::new()), ..Svg::default() });
         (svg.marks.unwrap_or_default(), size)
     }
 
-    fn drawn(&self, whole_file: bool, mut svg: Svg) -> (Svg, [f64; 2]) {
+    fn drawn(&self, sheet: Sheet, mut svg: Svg) -> (Svg, [f64; 2]) {
         let (entries, rows) = self.legend();
         let frame = self.frame(rows);
         let [w, _] = self.size;
@@ -46,7 +55,7 @@ impl Chart {
         svg.raw(&format!(
             r#"<svg class="wfl" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {w:.0} {h:.0}"{paper} role="img" aria-label="{name}">"#
         ));
-        if whole_file {
+        if sheet == Sheet::File {
             svg.raw(&format!("<style>{}</style>", style()));
             svg.raw(&format!(r#"<rect class="b" width="{w:.0}" height="{h:.0}"/>"#));
         }
@@ -181,7 +190,7 @@ impl Chart {
             };
             svg.rect(&paint, [x, at(k + 1)], [12.0, at(k) - at(k + 1) + 0.4], "");
         }
-        let axis = Axis::fit(Scale::Linear, range.into_iter(), false, 5);
+        let axis = Axis::fit(Scale::Linear, range.into_iter(), Ends::Tight, 5);
         for tick in axis.ticks.iter().filter(|t| (-1e-6..=1.000_001).contains(&t.at)) {
             svg.label("s", [x + 16.0, low + (high - low) * tick.at + 4.0], &tick.label);
         }
@@ -221,7 +230,7 @@ const EDGE: &str = ".25";
 
 fn draw_map(svg: &mut Svg, f: &Frame, map: &Map) {
     let range = map.shown();
-    let ramp = Axis::fit(Scale::Linear, range.into_iter(), false, 5);
+    let ramp = Axis::fit(Scale::Linear, range.into_iter(), Ends::Tight, 5);
     for cell in &map.cells {
         let Some(corners) = cell.outline.iter().map(|p| f.at(*p)).collect::<Option<Vec<_>>>() else { continue };
         let (paint, value) = match &map.meaning {

@@ -4,7 +4,7 @@ use super::Chart;
 use crate::{
     colour::Ramp,
     map::Meaning,
-    scale::{Axis, Scale},
+    scale::{Axis, Ends, Scale},
     series::Drawn,
     text::{Svg, clipped, width},
 };
@@ -49,10 +49,11 @@ pub(super) struct Entry {
 
 impl Chart {
     pub(super) fn frame(&self, legend_rows: f64) -> Frame {
-        let room = self.map.is_none() && self.bars.is_empty();
+        let has_room = self.map.is_none() && self.bars.is_empty();
+        let ends = if has_room { Ends::Margin } else { Ends::Tight };
         let (xs, ys) = (self.values(0), self.values(1));
-        let x = Axis::fit(self.x.1, xs.into_iter(), room && !self.only_lines(), 6);
-        let y = Axis::fit(self.y.1, ys.into_iter(), room, 5);
+        let x = Axis::fit(self.x.1, xs.into_iter(), if self.only_lines() { Ends::Tight } else { ends }, 6);
+        let y = Axis::fit(self.y.1, ys.into_iter(), ends, 5);
         let names = if self.bars.is_empty() {
             y.ticks.iter().map(|t| width(&t.label)).fold(1.0, f64::max)
         } else {
@@ -132,11 +133,11 @@ impl Chart {
         if self.tones.is_none() && self.bars.is_empty() {
             for (k, (s, drawn)) in self.series.iter().enumerate().filter(|(_, (s, _))| !s.name.is_empty()) {
                 let class = self.class_of(k);
-                entries.push(Entry { drawn: Some(*drawn), ..entry(&s.name, class, k, s.dashed) });
+                entries.push(Entry { drawn: Some(*drawn), dashed: s.dashed, ..entry(&s.name, class, k) });
             }
         }
         if let Some(Meaning::States(states)) = self.map.as_ref().map(|m| &m.meaning) {
-            entries.extend(states.iter().map(|(name, class)| entry(name, class.clone(), 0, false)));
+            entries.extend(states.iter().map(|(name, class)| entry(name, class.clone(), 0)));
         }
         if entries.len() == 1 && self.map.is_none() && self.title.contains(&entries[0].name) {
             entries.clear(); // the title says it
@@ -217,6 +218,6 @@ impl Frame {
     }
 }
 
-fn entry(name: &str, class: String, marker: usize, dashed: bool) -> Entry {
-    Entry { name: clipped(name, NAME), class, drawn: None, dashed, marker, at: [0.0; 2] }
+fn entry(name: &str, class: String, marker: usize) -> Entry {
+    Entry { name: clipped(name, NAME), class, drawn: None, dashed: false, marker, at: [0.0; 2] }
 }

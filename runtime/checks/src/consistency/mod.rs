@@ -47,11 +47,13 @@ use solve::{SATISFIED, Sizes, Trial, dot};
 use wfl_contact::{Contact, ContactTerm};
 use wfl_discrete::system::System;
 
-/// More than this left is no rounding and no difference of linearised laws.
+/// More than this left, relative to the sizes of the state, is no rounding and no difference of linearised laws: those are as
+/// large as the strain of the tests, a thousandth.
 const MISTAKE: f64 = 1e-2;
 /// Less than this left is rounding: also where initial gaps are many times the overlaps of the states that are tried.
 const ROUNDED: f64 = 1e-4;
-/// Places looked at, evenly over an interface.
+/// Places looked at, evenly over an interface: a law is one formula, a second place tells whether its coefficients
+/// vary.
 const PLACES: usize = 2;
 /// The wider of two gaps, in units of the other: a force that grows from one to the other is one of contact.
 const WIDER: f64 = 20.0;
@@ -244,7 +246,7 @@ impl Judge<'_, '_> {
         let open = self.open(&sizes)?;
         let pressed = times(&normal, -sizes.pressure);
         let closed = place.trial(&sizes, &pressed, &[0.0; 3], &[0.0; 3]).ok_or(NOT_FINITE)?;
-        let (state, left) = place.best(&sizes, &closed, false, &[0.0; 3]).ok_or(NOT_FINITE)?;
+        let (state, left) = place.best(&sizes, &closed, None).ok_or(NOT_FINITE)?;
         if !place.touches(&sizes).ok_or(NOT_FINITE)? {
             return Err(Unjudged("an initial gap changes with the gradient of the displacement"));
         }
@@ -279,7 +281,7 @@ impl Judge<'_, '_> {
         for (force, gap) in forces.iter_mut().zip([1.0, WIDER]) {
             let apart = times(&place.normal, -gap * sizes.length());
             let trial = place.trial(sizes, &[0.0; 3], &apart, &[0.0; 3]).ok_or(NOT_FINITE)?;
-            let (state, left) = place.best(sizes, &trial, false, &[0.0; 3]).ok_or(NOT_FINITE)?;
+            let (state, left) = place.best(sizes, &trial, None).ok_or(NOT_FINITE)?;
             *force = place.contact_fluxes(sizes, &state).ok_or(NOT_FINITE)?.force[0];
             if gap == 1.0 {
                 self.keep("open", left);
@@ -301,7 +303,7 @@ impl Judge<'_, '_> {
         let place = self.place;
         let near = |sign: f64| {
             let start = times(&place.normal, sign * sizes.length());
-            let (state, left) = place.best(sizes, closed, true, &start)?;
+            let (state, left) = place.best(sizes, closed, Some(&start))?;
             let moved = plus(&state.bodies[0].value, &times(&closed.state.bodies[0].value, -1.0));
             (left.balance[0] <= MISTAKE).then(|| (dot(&moved, &place.normal), left))
         };
@@ -339,7 +341,7 @@ impl Judge<'_, '_> {
     /// judged where an overlap is all it needs.
     fn unless_worn(&self, state: &'static str, sizes: &Sizes, trial: &Trial, left: Left) -> Result<Verdict, Unjudged> {
         let start = times(&self.place.normal, sizes.length());
-        let softer = || self.place.best(sizes, trial, true, &start).is_some_and(|(_, left)| left.largest() <= MISTAKE);
+        let softer = || self.place.best(sizes, trial, Some(&start)).is_some_and(|(_, left)| left.largest() <= MISTAKE);
         if self.place.gap_has_state(sizes, &trial.state) && softer() {
             return Err(Unjudged("the gap follows a state, as one that wears does"));
         }
@@ -351,7 +353,7 @@ impl Judge<'_, '_> {
     fn wrong_or_soft(&self, state: &'static str, sizes: &Sizes, trial: &Trial, left: Left) -> Verdict {
         if self.form.has_multipliers {
             let start = times(&self.place.normal, 0.0);
-            if let Some((found, rest)) = self.place.best(sizes, trial, true, &start) {
+            if let Some((found, rest)) = self.place.best(sizes, trial, Some(&start)) {
                 let moved = plus(&found.bodies[0].value, &times(&trial.state.bodies[0].value, -1.0));
                 let overlap = dot(&moved, &self.place.normal);
                 if rest.largest() <= SATISFIED && overlap > 0.0 && overlap < 0.1 * sizes.length() {
@@ -374,7 +376,7 @@ impl Judge<'_, '_> {
                 Mistake::Law { left: left.law }
             };
         }
-        let found = self.place.best(sizes, trial, false, &[0.0; 3]);
+        let found = self.place.best(sizes, trial, None);
         let fluxes = found.and_then(|(state, _)| self.place.contact_fluxes(sizes, &state));
         // of a traction with shear the shear: the pressure has been looked at before
         let pressure = dot(&trial.traction, &self.place.normal);
@@ -396,7 +398,7 @@ impl Judge<'_, '_> {
         };
         let none = [0.0; 3];
         let rest = at(&none, &none, &pressed)?;
-        let (state, _) = place.best(sizes, &rest, false, &none).ok_or(NOT_FINITE)?;
+        let (state, _) = place.best(sizes, &rest, None).ok_or(NOT_FINITE)?;
         let (radius, balls) = place.radius(&state);
         if balls == 0 {
             return Ok(None);
@@ -418,7 +420,7 @@ impl Judge<'_, '_> {
         let radius = place.radius(&moving).0;
         let leaves = |sign: f64| {
             let trial = at(&slide, &slide, &plus(&pressed, &times(&along, sign * radius)))?;
-            place.best(sizes, &trial, false, &none).map(|found| found.1).ok_or(NOT_FINITE)
+            place.best(sizes, &trial, None).map(|found| found.1).ok_or(NOT_FINITE)
         };
         let left = leaves(-1.0)?;
         if left.largest() <= MISTAKE {
@@ -446,7 +448,7 @@ impl Judge<'_, '_> {
             let shear = times(along, part * radius);
             let traction = plus(&times(&place.normal, -sizes.pressure), &shear);
             let trial = place.trial(sizes, &traction, overlap, &[0.0; 3]).ok_or(NOT_FINITE)?;
-            let (_, left) = place.best(sizes, &trial, false, &[0.0; 3]).ok_or(NOT_FINITE)?;
+            let (_, left) = place.best(sizes, &trial, None).ok_or(NOT_FINITE)?;
             Ok((shear, trial, left))
         };
         let (shear, trial, left) = sheared(0.5)?;
@@ -470,7 +472,7 @@ impl Judge<'_, '_> {
         }
         // a penalty along the face: the first body has moved against the traction on it
         let start = times(&shear, -1.0 / sizes.slope.abs());
-        let (state, left) = place.best(sizes, &trial, true, &start).ok_or(NOT_FINITE)?;
+        let (state, left) = place.best(sizes, &trial, Some(&start)).ok_or(NOT_FINITE)?;
         let moved = plus(&state.bodies[0].value, &times(&trial.state.bodies[0].value, -1.0));
         if left.largest() > MISTAKE {
             self.form.unsaid = Some("stick is not tested: other tangential forces act on the faces".to_owned());

@@ -26,9 +26,10 @@ const STRAIN: f64 = 1e-6;
 const CORRECTIONS: usize = 20;
 /// What the traction of a gradient that was looked for may miss, relative.
 const MISSED: f64 = 1e-11;
-/// Known fields may vary by so much inside a cell, relative, to count as constant.
+/// Known fields may vary by so much inside a cell, relative, to count as constant: what files and formulas with
+/// rounding leave of a constant.
 const VARIES: f64 = 1e-9;
-/// Normals that are opposite but for this belong to faces that look at each other.
+/// Normals with a cosine below this belong to faces that look at each other: faces of curved bodies may be 25 degrees off.
 const OPPOSITE: f64 = -0.9;
 
 /// A vector or the entries of a gradient (component, then direction); entries beyond the dimension are 0.
@@ -153,6 +154,14 @@ fn dot(a: &Vector, b: &Vector) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+/// When a value is read.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Instant {
+    Now,
+    /// At the end of the step before.
+    Before,
+}
+
 impl Reader<'_> {
     fn read(&self, roles: &Roles, state: &State, branches: Option<(usize, &TermBranches)>) -> Vec<f64> {
         let mut inputs = self.inputs.clone();
@@ -166,9 +175,9 @@ impl Reader<'_> {
                     Some((field, own)) if field + 1 == b.field.index() => {
                         own.regularisation.get(usize::from(b.entry)).copied()
                     }
-                    _ => self.of_state(roles, state, b, false),
+                    _ => self.of_state(roles, state, b, Instant::Now),
                 },
-                InputSlot::Previous(b) => self.of_state(roles, state, b, true),
+                InputSlot::Previous(b) => self.of_state(roles, state, b, Instant::Before),
                 // the states that are looked at are at rest
                 InputSlot::History(..) => Some(0.0),
                 _ => None,
@@ -178,13 +187,13 @@ impl Reader<'_> {
         inputs
     }
 
-    fn of_state(&self, roles: &Roles, state: &State, slot: &BasisSlot, past: bool) -> Option<f64> {
+    fn of_state(&self, roles: &Roles, state: &State, slot: &BasisSlot, at: Instant) -> Option<f64> {
         let (field, entry) = (slot.field.index(), usize::from(slot.entry));
         let body = self.body(slot);
         if roles.displacement[body] == Some(field) {
             let motion = &state.bodies[body];
             return match slot.op {
-                FieldOp::Value if past => motion.before.get(entry).copied(),
+                FieldOp::Value if at == Instant::Before => motion.before.get(entry).copied(),
                 FieldOp::Value => motion.value.get(entry).copied(),
                 FieldOp::Grad => motion.gradient.get(entry).copied(),
                 FieldOp::Hess => Some(0.0),
@@ -552,7 +561,7 @@ impl<'a> Place<'a> {
                 interpret(w.kernel, w.reader.uniforms, &inputs, &mut Vec::new(), &mut out);
                 for p in w.projections.iter().filter(|p| p.kind == ProjectionKind::HalfLine) {
                     for k in 0..p.n {
-                        p.branch.set_sticks(&mut point.points, k, out[p.output + k] >= 0.0);
+                        p.branch.close_by(&mut point.points, k, out[p.output + k]);
                     }
                 }
             }

@@ -9,15 +9,18 @@ use super::place::{Fluxes, Gradient, Place, State, Vector};
 const STRAIN: f64 = 1e-3;
 /// Steps to a state that satisfies the equations; they are linear up to the choice of the active set.
 const STEPS: usize = 12;
-/// What is differentiated, in parts of the sizes of a state.
+/// What is differentiated, in parts of the sizes of a state: of a law that is not linear a difference misses a part of
+/// this size, and rounding leaves ten digits of it.
 const PART: f64 = 1e-6;
-/// An initial gap that gradients change by less than this of the overlap of a pressure is one that they do not change.
+/// An initial gap that gradients change by less than this part of the overlap of a pressure is one that they do not
+/// change: as large as the strain of the states that are tried.
 const OPENS: f64 = 1e-3;
-/// How far apart bodies are without contact, in units of the overlap of a pressure.
+/// How far apart bodies are without contact, in units of the overlap of a pressure: so far that no law of contact acts,
+/// and near enough for digits of both.
 const FAR: f64 = 1e3;
 /// What the forces there may differ by at twice the distance to be those of an initial stress, in parts of the pressure.
 const CONSTANT: f64 = 1e-9;
-/// Equations left by no more than this are satisfied.
+/// Equations left by no more than this, relative to the sizes of the state, are satisfied: what differences leave.
 pub(super) const SATISFIED: f64 = 1e-6;
 
 /// Sizes at a place, and where its contact closes.
@@ -334,17 +337,18 @@ impl Place<'_> {
         })
     }
 
-    /// The state with the multipliers, and if `moves` the displacement of the first body, that leave the least; `start`
-    /// is where the first body is tried from.
-    pub(super) fn best(&self, sizes: &Sizes, trial: &Trial, moves: bool, start: &Vector) -> Option<(State, Left)> {
+    /// The state with the multipliers that leave the least, and with the displacement of the first body, where that moves:
+    /// `start` is where it is tried from.
+    pub(super) fn best(&self, sizes: &Sizes, trial: &Trial, start: Option<&Vector>) -> Option<(State, Left)> {
         let mut best: Option<(State, Left)> = None;
         for signs in 0..1usize << self.multipliers().count() {
             let mut state = trial.state.clone();
             state.multipliers = self.first_multipliers(trial, signs);
-            if moves {
+            let free = state.multipliers.len() + start.map_or(0, |_| self.dim);
+            if let Some(start) = start {
                 state.bodies[0].value = sum(&state.bodies[0].value, start);
             }
-            let Some(found) = self.improved(sizes, trial, state, moves) else { continue };
+            let Some(found) = self.improved(sizes, trial, state, free) else { continue };
             if best.as_ref().is_none_or(|b| found.1.largest() < b.1.largest()) {
                 best = Some(found);
             }
@@ -362,9 +366,8 @@ impl Place<'_> {
         self.multipliers().enumerate().flat_map(of).collect()
     }
 
-    /// Gauss's and Newton's method on what is free.
-    fn improved(&self, sizes: &Sizes, trial: &Trial, mut state: State, moves: bool) -> Option<(State, Left)> {
-        let free = state.multipliers.len() + if moves { self.dim } else { 0 };
+    /// Gauss's and Newton's method on so many free numbers.
+    fn improved(&self, sizes: &Sizes, trial: &Trial, mut state: State, free: usize) -> Option<(State, Left)> {
         let mut best = (state.clone(), self.left(sizes, trial, &state)?);
         for _ in 0..STEPS {
             if free == 0 || best.1.largest() <= SATISFIED * SATISFIED {

@@ -13,10 +13,11 @@ use wfl_discrete::assemble::Over;
 use wfl_discrete::system::{ActiveSet, Branches, Form, Tangent};
 use wfl_newton::Singular;
 
-/// A force below this part of the largest is none.
+/// A force below this part of the largest is none: sums over nodes, known to some hundred roundoffs.
 const NONE: f64 = 1e-9;
 
-/// Displacement of a body that is moved, in parts of the extent of the mesh.
+/// Displacement of a body that is moved, in parts of the extent of the mesh: small beside displacements at which laws
+/// turn, and ten digits above roundoff.
 const MOVED: f64 = 1e-6;
 
 /// A force that drives a motion by more than this part of the largest one that meets a motion is no rounding.
@@ -25,7 +26,8 @@ const DRIVES: f64 = 1e-6;
 /// Work of differences of forces that is below this part of what cancels in them: some thousand roundoffs.
 const CANCELS: f64 = 1e-12;
 
-/// Contact this many times as stiff as the bodies leaves fewer than four digits of their stiffness.
+/// Contact this many times as stiff as the bodies leaves fewer than four digits of their stiffness: sixteen digits less
+/// twelve.
 const FAR_STIFFER: f64 = 1e12;
 
 /// What a contact term does for some fields at a state.

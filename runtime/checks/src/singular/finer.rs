@@ -18,7 +18,8 @@ const SOME: f64 = 1e-6;
 /// Energy at the points of a rule above this part of that is some, too: of a motion that strains nothing it is of the order
 /// of a roundoff squared, 5e-32, since strains are rounded and energies are their squares.
 const RESOLVED: f64 = 1e-26;
-/// Size of the motion whose forces are differenced, in parts of the extent of the mesh.
+/// Size of the motion whose forces are differenced, in parts of the extent of the mesh: of a body that is not linear a
+/// difference misses a part of this size, and rounding leaves twelve digits of it.
 const STEP: f64 = 1e-4;
 
 impl Examined<'_> {

@@ -12,7 +12,8 @@ use super::{Entry, Probe, SAME};
 use crate::slopes::is_displacement;
 use wfl_discrete::field::Field;
 
-/// Singular values of arguments below this part of the largest are rounding.
+/// Singular values of arguments below this part of the largest are rounding: products of a few numbers, known to some
+/// hundred roundoffs.
 const DEPENDENT: f64 = 1e-9;
 
 /// The tangent of some terms at a point, by values and gradients of test and trial functions.

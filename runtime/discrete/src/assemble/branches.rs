@@ -1,8 +1,7 @@
 //! Number of points on each branch of the kinks of a term, and whether a branch has changed.
 
-use std::sync::Arc;
-
 use wfl_host::team::Team;
+use wfl_mesh::mesh::Mesh;
 
 /// How many points are on which branch of the kinks of a term.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,9 +30,9 @@ impl BranchCounts {
 
     /// From the points that this rank has counted to those of all ranks; entities of a part of the mesh stay those of this
     /// rank.
-    pub(super) fn of_all(&mut self, team: &Arc<dyn Team>, is_whole: bool) {
+    pub(super) fn of_all(&mut self, team: &dyn Team, mesh: &Mesh) {
         let counts = self.kinks.iter().flatten().map(|n| *n as u64);
-        let entities = if is_whole { self.by_entity.as_slice() } else { &[] };
+        let entities = if mesh.holders().is_alone() { self.by_entity.as_slice() } else { &[] };
         let mut words: Vec<u64> = counts.chain([self.fingerprint]).chain(entities.iter().copied()).collect();
         team.sum_words(&mut words);
         let mut words = words.into_iter();

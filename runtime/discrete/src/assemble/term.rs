@@ -386,7 +386,7 @@ impl AssembledTerm {
         });
         branches.by_entity = by_entity;
         if let Some(share) = share.filter(|_| !self.law.kinks.is_empty()) {
-            branches.of_all(share.team(), mesh.is_whole());
+            branches.of_all(&**share.team(), mesh);
         }
         self.result(finite.into_inner(), mesh, values, (&self.law.residual, share))
     }
@@ -552,7 +552,7 @@ impl AssembledTerm {
         for (lane, entity) in self.entities(duty).enumerate().filter(|(lane, _)| duty.counts >> lane & 1 == 1) {
             let place = group.entities[entity];
             // a name that no entity of another rank has
-            let name = if mesh.is_whole() { place } else { group.name(mesh, entity) };
+            let name = group.name(mesh, entity);
             let mut state = 0u64;
             for q in 0..group.n_points() {
                 // of points that are entities the number in their rule

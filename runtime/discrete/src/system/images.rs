@@ -54,7 +54,8 @@ impl System {
     }
 
     /// The forms of the terms that change: the number of the term, and what is assembled for it.
-    fn changing_forms(&self, is_frozen: bool) -> impl Iterator<Item = &AssembledTerm> {
+    fn changing_forms(&self, branches: Branches<'_>) -> impl Iterator<Item = &AssembledTerm> {
+        let is_frozen = matches!(branches, Branches::Frozen(_));
         let changing = self.terms.iter().enumerate().filter(|(_, t)| t.law.class >= Class::Nonlinear);
         changing.map(move |(k, term)| {
             let frozen = self.frozen.iter().find(|f| is_frozen && f.term == k);
@@ -69,32 +70,37 @@ impl System {
         branches: Branches<'_>,
         out: &mut Tangent,
     ) -> Result<(), TermError> {
-        let (values, is_frozen) = match branches {
-            Branches::AsWritten => (self.values(u), false),
-            Branches::Frozen(active) => (self.values_with(u, active), true),
+        let values = match branches {
+            Branches::AsWritten => self.values(u),
+            Branches::Frozen(active) => self.values_with(u, active),
         };
         let Some(images) = &mut out.images else { return Ok(()) };
         let matrix = images.fixed.values_mut();
         matrix.fill(0.0);
-        for term in self.changing_forms(is_frozen).filter(|t| !t.integrator.moves()) {
+        for term in self.changing_forms(branches).filter(|t| !t.integrator.moves()) {
             term.add_tangent(&self.mesh, values.view(), matrix)?;
         }
-        if !self.add_images(&values, is_frozen, out)? {
-            self.renew(&values, is_frozen, out)?;
-            let is_complete = self.add_images(&values, is_frozen, out)?;
+        if !self.add_images(&values, branches, out)? {
+            self.renew(&values, branches, out)?;
+            let is_complete = self.add_images(&values, branches, out)?;
             assert!(is_complete, "the pattern was made for these images");
         }
         Ok(())
     }
 
     /// Makes the tangent the fixed part and adds the terms whose images move. False if the pattern lacks an image.
-    fn add_images(&self, values: &StateValues<'_>, is_frozen: bool, out: &mut Tangent) -> Result<bool, TermError> {
+    fn add_images(
+        &self,
+        values: &StateValues<'_>,
+        branches: Branches<'_>,
+        out: &mut Tangent,
+    ) -> Result<bool, TermError> {
         let Some(images) = &out.images else { return Ok(true) };
         let pattern = out.changing.pattern().clone();
         let matrix = out.changing.values_mut();
         matrix.fill(0.0);
         images.places.iter().zip(images.fixed.values()).for_each(|(place, value)| matrix[*place] = *value);
-        for term in self.changing_forms(is_frozen).filter(|t| t.integrator.moves()) {
+        for term in self.changing_forms(branches).filter(|t| t.integrator.moves()) {
             let on = (&pattern, self.numbering.free.as_slice());
             if !term.add_tangent_of_images(&self.mesh, values.view(), on, matrix)? {
                 return Ok(false);
@@ -104,7 +110,7 @@ impl System {
     }
 
     /// Gives a tangent a pattern for the images at these values.
-    fn renew(&self, values: &StateValues<'_>, is_frozen: bool, out: &mut Tangent) -> Result<(), TermError> {
+    fn renew(&self, values: &StateValues<'_>, branches: Branches<'_>, out: &mut Tangent) -> Result<(), TermError> {
         let Some(images) = &mut out.images else { return Ok(()) };
         let n = self.numbering.n_free();
         let mut builder = PatternBuilder::new(n, n);
@@ -113,7 +119,7 @@ impl System {
             places.extend(dofs.iter().map(|d| self.numbering.free[*d as usize]).filter(|place| *place != FIXED));
         };
         let (mut rows, mut columns) = (Vec::new(), Vec::new());
-        for term in self.changing_forms(is_frozen).filter(|t| t.integrator.moves()) {
+        for term in self.changing_forms(branches).filter(|t| t.integrator.moves()) {
             term.for_each_near(&self.mesh, values.view(), &mut |tests, trials| {
                 place(tests, &mut rows);
                 place(trials, &mut columns);

@@ -115,7 +115,7 @@ impl System {
     /// What all ranks call a dof.
     #[must_use]
     pub fn dof_number(&self, dof: usize) -> u64 {
-        if self.mesh.is_whole() {
+        if self.mesh.holders().is_alone() {
             dof as u64
         } else {
             NumbersOfWhole::new(&self.fields, &self.numbering).of(dof) as u64

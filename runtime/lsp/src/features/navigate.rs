@@ -1,6 +1,6 @@
 //! From a name to its declaration and to its uses, in all files of a scene and in all scenes of a file.
 
-use lsp_types::{DocumentHighlight, DocumentHighlightKind, Location, Position};
+use lsp_types::{DocumentHighlight, DocumentHighlightKind, Location, Position, ReferenceContext};
 
 use crate::{features::diagnostics::location, places, symbols::Key, view::View};
 
@@ -37,11 +37,11 @@ fn used_file(view: &View<'_>, offset: usize) -> Option<Location> {
 }
 
 /// Every place of the name under the cursor, in order of files and lines.
-pub(crate) fn references(view: &View<'_>, position: Position, with_declaration: bool) -> Option<Vec<Location>> {
+pub(crate) fn references(view: &View<'_>, position: Position, context: &ReferenceContext) -> Option<Vec<Location>> {
     let key = key_at(view, position)?;
     let mut found: Vec<Location> = Vec::new();
     let mut add = |analysis: &crate::analysis::Analysis, key: &Key| {
-        for o in analysis.names().places(key).filter(|o| with_declaration || o.declares.is_none()) {
+        for o in analysis.names().places(key).filter(|o| context.include_declaration || o.declares.is_none()) {
             found.extend(location(analysis, o.span));
         }
     };

@@ -209,6 +209,31 @@ impl Mesh {
         self.part().map_or(&Alone, |part| &**part.team())
     }
 
+    /// Who owns its nodes, where this rank has a part of it alone.
+    #[must_use]
+    pub fn part_of_whole(&self) -> Option<&Part> {
+        self.part().filter(|part| part.of_whole.is_some())
+    }
+
+    /// The ranks that hold it together, a part each: what is true of the mesh, these find. A rank that has all of it holds
+    /// it alone, however many others have a copy: those share rows of equations, not the mesh.
+    #[must_use]
+    pub fn holders(&self) -> &dyn Team {
+        self.part_of_whole().map_or(&Alone, |part| &**part.team())
+    }
+
+    /// Whether what is not in this list is nowhere in the mesh: with a part of it a rank does not know, others may have some.
+    #[must_use]
+    pub fn lacks<T>(&self, here: &[T]) -> bool {
+        here.is_empty() && self.is_whole()
+    }
+
+    /// What a check finds that looks at the whole mesh. On a part of it, where what lies elsewhere is not known, nothing is
+    /// looked at: of a scene the first rank has told everything before it sent the parts.
+    pub fn check_whole<T: Default>(&self, check: impl FnOnce() -> T) -> T {
+        if self.is_whole() { check() } else { T::default() }
+    }
+
     /// Whether this rank has all of it.
     #[must_use]
     #[inline]

@@ -5,7 +5,7 @@
 //! matrices is looked at, and LU takes over by itself. Does not condense.
 
 use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{CheckedLdlt, CheckedLibrary, CheckedLlt, CheckedLu, SolveError};
+use wfl_sparse::solve::{CheckedLdlt, CheckedLibrary, CheckedLlt, CheckedLu, SolveError, Symmetry};
 
 use super::super::plan::FactorKind;
 use super::{Factor, LinearSolver};
@@ -51,7 +51,7 @@ impl LinearSolver {
     fn fresh(&self, matrix: &Csr) -> Result<Box<dyn Factor + Send>, SolveError> {
         let coordinates = Some(self.coordinates.as_slice());
         if let (Some(linked), Some(equations)) = (self.library, &self.equations) {
-            let solver = CheckedLibrary::new(linked, equations, self.symmetric, &self.coordinates, self.options)?;
+            let solver = CheckedLibrary::new(linked, equations, Symmetry::known(self.symmetric), &self.coordinates, self.options)?;
             return Ok(Box::new(solver));
         }
         let (pattern, options) = (matrix.pattern(), self.options);

@@ -10,7 +10,7 @@ use wfl_runtime::output::{Array, Identity, Kind, OutputDir, OutputError, Piece, 
 
 use super::super::{Whole, read_pieces, read_whole};
 use super::*;
-use crate::plot::skin;
+use crate::plot::{MeshLines, skin};
 
 /// A folder that lives as long as the value.
 struct Scratch(PathBuf);
@@ -118,7 +118,7 @@ fn as_set(whole: &Whole) -> Vec<(u8, Vec<Vec<u64>>)> {
 /// The faces that are seen, by the places of their nodes, with their edges.
 fn seen(whole: &Whole) -> Vec<(Vec<Vec<u64>>, Vec<Edge>)> {
     let cells: Vec<usize> = (0..whole.cells.len()).collect();
-    let faces = skin(whole, &cells, true).into_iter();
+    let faces = skin(whole, &cells, MeshLines::Drawn).into_iter();
     let place = |nodes: &[usize]| nodes.iter().map(|n| bits(&whole.points[*n])).collect::<Vec<_>>();
     let mut faces: Vec<_> = faces.map(|f| (place(&f.nodes), f.edges)).collect();
     faces.sort_by(|a, b| a.0.cmp(&b.0));

@@ -7,7 +7,7 @@ use super::{
     field::{Numbers, Wanted, displacement, first_choice, joined, numbers},
     known_cells, scene,
     section::{line, other_axes, plane},
-    skin::skin,
+    skin::{MeshLines, skin},
 };
 use crate::{
     folder::{ReportError, RunFolder},
@@ -68,7 +68,7 @@ pub(super) fn pictures(
     let mut pictures = Vec::new();
     for step in steps {
         let shot = shot(run, step, wanted)?;
-        pictures.push(picture(run, &shot, &shared, request, steps.len() > 1)?);
+        pictures.push(picture(run, &shot, &shared, request)?);
     }
     Ok(pictures)
 }
@@ -194,16 +194,14 @@ impl Shot {
     }
 }
 
-fn picture(
-    run: &RunFolder,
-    shot: &Shot,
-    shared: &Shared,
-    request: &Request,
-    numbered: bool,
-) -> Result<Picture, PlotError> {
+fn picture(run: &RunFolder, shot: &Shot, shared: &Shared, request: &Request) -> Result<Picture, PlotError> {
     let (faces, axes) = faces(run, shot, shared.factor, request)?;
     let label = run.with_unit(&shot.found.label, &shot.found.source);
-    let name = if numbered { format!("{}_{:04}", shot.found.file, shot.step) } else { shot.found.file.clone() };
+    // of several pictures each has the number of its step
+    let name = match shared.room {
+        Some(_) => format!("{}_{:04}", shot.found.file, shot.step),
+        None => shot.found.file.clone(),
+    };
     let room = shared.room.unwrap_or_else(|| corners(&faces));
     let size = |axis: usize| room[1][axis] - room[0][axis];
     let scale = (ROOM[0] / size(0)).min(ROOM[1] / size(1));
@@ -233,11 +231,11 @@ fn faces(
     factor: f64,
     request: &Request,
 ) -> Result<(Vec<Face>, Option<[usize; 2]>), PlotError> {
-    let mesh = !request.no_mesh && shot.cells.len() <= EDGED;
+    let lines = if request.no_mesh || shot.cells.len() > EDGED { MeshLines::Hidden } else { MeshLines::Drawn };
     Ok(match request.slice {
-        Some(Slice::Plane { axis, value }) => (cut(shot, axis, value, factor, mesh)?, Some(other_axes(axis))),
-        _ if dimension(run) == 3 => (solid(shot, factor, mesh, request), None),
-        _ => (flat(shot, factor, mesh), Some([0, 1])),
+        Some(Slice::Plane { axis, value }) => (cut(shot, axis, value, factor, lines)?, Some(other_axes(axis))),
+        _ if dimension(run) == 3 => (solid(shot, factor, lines, request), None),
+        _ => (flat(shot, factor, lines), Some([0, 1])),
     })
 }
 
@@ -286,18 +284,18 @@ fn subtitle(run: &RunFolder, shot: &Shot, shared: &Shared, request: &Request) ->
     parts.join(", ")
 }
 
-fn flat(shot: &Shot, factor: f64, mesh: bool) -> Vec<Face> {
+fn flat(shot: &Shot, factor: f64, lines: MeshLines) -> Vec<Face> {
     let face = |nodes: &[usize], edges: Vec<Edge>| {
         let corners = nodes.iter().map(|n| [shot.place(*n, 0, factor), shot.place(*n, 1, factor), 0.0]).collect();
         Face::new(corners, nodes.iter().map(|n| shot.found.numbers[*n]).collect(), edges)
     };
-    skin(&shot.whole, &shot.cells, mesh).into_iter().map(|f| face(&f.nodes, f.edges)).collect()
+    skin(&shot.whole, &shot.cells, lines).into_iter().map(|f| face(&f.nodes, f.edges)).collect()
 }
 
 /// The faces that look at the reader: the body itself is in front of the others.
-fn solid(shot: &Shot, factor: f64, mesh: bool, request: &Request) -> Vec<Face> {
+fn solid(shot: &Shot, factor: f64, lines: MeshLines, request: &Request) -> Vec<Face> {
     let corner = |n: &usize| request.view.at([0, 1, 2].map(|d| shot.place(*n, d, factor)));
-    let faces = skin(&shot.whole, &shot.cells, mesh).into_iter();
+    let faces = skin(&shot.whole, &shot.cells, lines).into_iter();
     let values = |nodes: &[usize]| nodes.iter().map(|n| shot.found.numbers[*n]).collect();
     let faces = faces.map(|f| Face::new(f.nodes.iter().map(corner).collect(), values(&f.nodes), f.edges));
     faces.filter(|f| turns_left(f.corners())).collect()
@@ -312,8 +310,8 @@ fn turns_left(corners: &[[f64; 3]]) -> bool {
     twice > ROUNDING * around * around
 }
 
-fn cut(shot: &Shot, axis: usize, value: f64, factor: f64, mesh: bool) -> Result<Vec<Face>, PlotError> {
-    let cuts = plane(&shot.whole, &shot.cells, axis, value, mesh);
+fn cut(shot: &Shot, axis: usize, value: f64, factor: f64, lines: MeshLines) -> Result<Vec<Face>, PlotError> {
+    let cuts = plane(&shot.whole, &shot.cells, axis, value, lines);
     if cuts.is_empty() {
         return Err(outside(shot, format!("the plane {} = {}", AXES[axis], short(value)), &[axis]));
     }

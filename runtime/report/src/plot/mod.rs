@@ -10,7 +10,7 @@ mod interface;
 mod over;
 mod section;
 mod skin;
-pub(crate) use skin::skin;
+pub(crate) use skin::{MeshLines, skin};
 mod view;
 
 use wfl_charts::Chart;

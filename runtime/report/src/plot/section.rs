@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use wfl_charts::Edge;
 
+use super::skin::MeshLines;
 use crate::grid::{Whole, WholeCell};
 
 /// Distances below this part of the extent of the body count as zero.
@@ -33,7 +34,7 @@ pub(crate) struct Cut {
 
 /// The pieces of the plane where a coordinate has this value, in solid cells. Where it lies between cells, those below
 /// are cut, or those above if there are none below. Empty if it meets no cell.
-pub(crate) fn plane(whole: &Whole, cells: &[usize], axis: usize, value: f64, mesh: bool) -> Vec<Cut> {
+pub(crate) fn plane(whole: &Whole, cells: &[usize], axis: usize, value: f64, lines: MeshLines) -> Vec<Cut> {
     let numbers = || cells.iter().flat_map(|k| whole.cells[*k].corners()).map(|n| whole.points[*n][axis]);
     let extent = numbers().fold(0.0f64, |m, x| m.max((x - value).abs()));
     let distance = |node: usize| {
@@ -61,8 +62,7 @@ pub(crate) fn plane(whole: &Whole, cells: &[usize], axis: usize, value: f64, mes
     for cut in &mut cuts {
         let kinds = (0..cut.points.len()).map(|k| match seen.get(&side_key(cut, k)) {
             Some(1) => Edge::Rim,
-            _ if mesh => Edge::Mesh,
-            _ => Edge::None,
+            _ => lines.edge(),
         });
         cut.edges = kinds.collect();
     }
@@ -231,7 +231,7 @@ mod tests {
             };
             let sum: f64 = simplices(&whole.cells[0]).iter().map(|s| of(s)).sum();
             assert!((sum - volume).abs() < 1e-14, "{kind}: {sum}");
-            assert_eq!(plane(&whole, &[0], 2, 0.5, true)[0].points.len(), corners_of_cut);
+            assert_eq!(plane(&whole, &[0], 2, 0.5, MeshLines::Drawn)[0].points.len(), corners_of_cut);
         }
     }
 
@@ -246,14 +246,14 @@ mod tests {
     #[test]
     fn a_plane_cuts_a_cube_in_a_square() {
         let whole = cube();
-        let cuts = plane(&whole, &[0], 0, 0.25, true);
+        let cuts = plane(&whole, &[0], 0, 0.25, MeshLines::Drawn);
         assert_eq!(cuts.len(), 1);
         assert_eq!(corners(&whole, &cuts[0]), [[0.25, 0.0, 0.0], [0.25, 1.0, 0.0], [0.25, 1.0, 1.0], [0.25, 0.0, 1.0]]);
         assert_eq!(cuts[0].edges, [Edge::Rim; 4]);
         // its own sides belong to it, what lies beyond does not
-        assert_eq!(plane(&whole, &[0], 2, 0.0, true).len(), 1);
-        assert_eq!(plane(&whole, &[0], 2, 1.0, true).len(), 1);
-        assert!(plane(&whole, &[0], 2, 1.5, true).is_empty());
+        assert_eq!(plane(&whole, &[0], 2, 0.0, MeshLines::Drawn).len(), 1);
+        assert_eq!(plane(&whole, &[0], 2, 1.0, MeshLines::Drawn).len(), 1);
+        assert!(plane(&whole, &[0], 2, 1.5, MeshLines::Drawn).is_empty());
     }
 
     #[test]
@@ -261,7 +261,7 @@ mod tests {
         let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let cell = WholeCell { kind: 10, nodes: vec![0, 1, 2, 3] };
         let whole = Whole { points, cells: vec![cell], ..Whole::default() };
-        let cuts = plane(&whole, &[0], 2, 0.5, true);
+        let cuts = plane(&whole, &[0], 2, 0.5, MeshLines::Drawn);
         assert_eq!(corners(&whole, &cuts[0]), [[0.0, 0.0, 0.5], [0.5, 0.0, 0.5], [0.0, 0.5, 0.5]]);
         let sum: Vec<f64> = whole.points.iter().map(|p| p[0] + p[1]).collect();
         let values: Vec<f64> = cuts[0].points.iter().map(|p| p.of(|n| sum[n])).collect();

@@ -30,8 +30,25 @@ struct Side {
     cell: usize,
 }
 
-/// The faces that are seen. Edges of the mesh are marked if `mesh` is set.
-pub(crate) fn skin(whole: &Whole, cells: &[usize], mesh: bool) -> Vec<SkinFace> {
+/// What is drawn where cells meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum MeshLines {
+    Drawn,
+    Hidden,
+}
+
+impl MeshLines {
+    /// The kind of the edges between cells.
+    pub(crate) fn edge(self) -> Edge {
+        match self {
+            MeshLines::Drawn => Edge::Mesh,
+            MeshLines::Hidden => Edge::None,
+        }
+    }
+}
+
+/// The faces that are seen.
+pub(crate) fn skin(whole: &Whole, cells: &[usize], lines: MeshLines) -> Vec<SkinFace> {
     let sides = outer(whole, cells);
     let mut around: BTreeMap<[usize; 2], Vec<[f64; 3]>> = BTreeMap::new();
     for side in &sides {
@@ -44,13 +61,7 @@ pub(crate) fn skin(whole: &Whole, cells: &[usize], mesh: bool) -> Vec<SkinFace> 
     let smooth = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2] > SHARP.to_radians().cos();
     let kind = |side: &Side, k: usize| match around.get(&edge_key(side, k)).map(Vec::as_slice) {
         // cells of a plane mesh may be numbered either way round
-        Some([a, b]) if plane || smooth(a, b) => {
-            if mesh {
-                Edge::Mesh
-            } else {
-                Edge::None
-            }
-        }
+        Some([a, b]) if plane || smooth(a, b) => lines.edge(),
         _ => Edge::Rim,
     };
     sides
@@ -183,12 +194,12 @@ mod tests {
 
     #[test]
     fn two_cubes_have_ten_faces_and_the_edges_of_one_box() {
-        let faces = skin(&cubes(), &[0, 1], true);
+        let faces = skin(&cubes(), &[0, 1], MeshLines::Drawn);
         assert_eq!(faces.len(), 10);
         let count = |kind: Edge| faces.iter().flat_map(|f| &f.edges).filter(|e| **e == kind).count();
         // each edge is seen from two faces: 12 edges of the box of which 4 are in two parts, and 4 between the cubes
         assert_eq!((count(Edge::Rim), count(Edge::Mesh)), (2 * 16, 2 * 4));
-        assert!(skin(&cubes(), &[0, 1], false).iter().flat_map(|f| &f.edges).all(|e| *e != Edge::Mesh));
+        assert!(skin(&cubes(), &[0, 1], MeshLines::Hidden).iter().flat_map(|f| &f.edges).all(|e| *e != Edge::Mesh));
     }
 
     #[test]
@@ -211,7 +222,7 @@ mod tests {
             let centre = points.iter().fold([0.0; 3], |s, p| [0, 1, 2].map(|i| s[i] + p[i] / n_points));
             let cell = WholeCell { kind, nodes: (0..points.len()).collect() };
             let whole = Whole { points, cells: vec![cell], ..Whole::default() };
-            assert_eq!(skin(&whole, &[0], true).len(), 5);
+            assert_eq!(skin(&whole, &[0], MeshLines::Drawn).len(), 5);
             for side in sides(&whole.cells[0], 0) {
                 let (n, at) = (normal(&whole, &side.corners), whole.points[side.corners[0]]);
                 assert!((0..3).map(|i| n[i] * (at[i] - centre[i])).sum::<f64>() > 0.1, "{kind} {side:?}");
@@ -224,7 +235,7 @@ mod tests {
         let points =
             vec![[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
         let whole = Whole { points, cells: vec![WholeCell { kind: 22, nodes: (0..6).collect() }], ..Whole::default() };
-        let faces = skin(&whole, &[0], true);
+        let faces = skin(&whole, &[0], MeshLines::Drawn);
         let nodes: Vec<&[usize]> = faces.iter().map(|f| f.nodes.as_slice()).collect();
         assert_eq!(nodes, [&[0, 3, 5][..], &[1, 4, 3], &[2, 5, 4], &[3, 4, 5]]);
         assert_eq!(faces.iter().flat_map(|f| &f.edges).filter(|e| **e == Edge::Rim).count(), 6);

@@ -13,7 +13,7 @@ use super::multigrid::NodeLayout;
 use super::on_pattern::OnPattern;
 use super::row_owners::RowOwners;
 use super::singularity::Found;
-use super::symmetry::{check_own_symmetry, check_symmetry};
+use super::symmetry::{Symmetry, check_own_symmetry, check_symmetry};
 use super::triangular_solve::Transpose;
 use super::{Kept, LinearSolver, SolveError, SolveReport, SolverOptions};
 use crate::csr::{Csr, Pattern};
@@ -77,11 +77,11 @@ pub trait Library: Sync {
     /// The method that equations get, in words.
     fn plan(&self, traits: &Traits) -> String;
 
-    /// Makes a solver; `is_symmetric` says whether the matrices may be taken for symmetric positive definite ones.
+    /// Makes a solver.
     ///
     /// # Errors
     /// [`SolveError`] of what the library refuses.
-    fn engine(&self, equations: &Arc<Equations>, is_symmetric: bool) -> Result<Box<dyn Engine + Send>, SolveError>;
+    fn engine(&self, equations: &Arc<Equations>, symmetry: Symmetry) -> Result<Box<dyn Engine + Send>, SolveError>;
 }
 
 impl Equations {
@@ -163,19 +163,19 @@ impl CheckedLibrary {
     pub fn new(
         library: Linked,
         equations: &Arc<Equations>,
-        is_symmetric: bool,
+        symmetry: Symmetry,
         points: &[[f64; 3]],
         options: SolverOptions,
     ) -> Result<Self, SolveError> {
         let mut check = BackwardErrorCheck::new(equations.n_rows(), options).on(equations.owners.clone());
         check.set_constant_part(&equations.constant);
         Ok(Self {
-            engine: library.0.engine(equations, is_symmetric)?,
+            engine: library.0.engine(equations, symmetry)?,
             check,
             constant: Arc::clone(&equations.constant),
             changing: OnPattern::new(&equations.changing),
             points: points.to_vec(),
-            is_symmetric,
+            is_symmetric: symmetry == Symmetry::Symmetric,
             is_loaded: false,
         })
     }

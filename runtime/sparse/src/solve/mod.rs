@@ -56,6 +56,7 @@ pub use multigrid::{CheckedMultigrid, Interpolation, NearNullSpace, NodeLayout};
 pub use null_space::{LargestEntries, NullSpace, largest_entries, null_space, triangular};
 pub use ordering::{Ordering, order};
 pub use row_owners::RowOwners;
+pub use symmetry::Symmetry;
 
 use crate::csr::{Csr, CsrError};
 use wfl_host::memory::TooMuchMemory;

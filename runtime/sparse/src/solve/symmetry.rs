@@ -4,6 +4,23 @@ use super::SolveError;
 use super::row_owners::RowOwners;
 use crate::csr::Csr;
 
+/// What is known of matrices before there is one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Symmetry {
+    /// They are symmetric, and may be taken for positive definite ones until one is not.
+    Symmetric,
+    /// Nothing.
+    General,
+}
+
+impl Symmetry {
+    /// Of matrices that are known to be symmetric, or are not.
+    #[must_use]
+    pub fn known(is_symmetric: bool) -> Self {
+        if is_symmetric { Self::Symmetric } else { Self::General }
+    }
+}
+
 /// Relative asymmetry that rounding in assembly explains.
 const ASYMMETRY: f64 = 1e-10;
 

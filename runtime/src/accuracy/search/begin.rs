@@ -1,19 +1,22 @@
 //! How a search begins: the first mesh, what tolerance and method add, and the degree.
 
-use super::{AIM, Rounds, SAFETY, Search, TOLERANCES};
+use super::{AIM, Extent, Rounds, SAFETY, Search, TOLERANCES};
 use crate::accuracy::{Out, Role, Trials, ways::work};
 
-/// Parts of the demand that tolerance and method may have.
+/// Parts of the demand that tolerance and method may have: a tolerance is cheap to lower, a penalty costs iterations;
+/// what is left is for the mesh.
 const PART_OF_TOLERANCE: f64 = 0.05;
 const PART_OF_METHOD: f64 = 0.2;
-/// Part of the demand that the length of the steps may have.
+/// Part of the demand that the length of the steps may have: halved steps cost twice as much, so that they get more
+/// than what is cheap.
 const PART_OF_STEPS: f64 = 0.3;
 /// Each step is divided into at most so many.
 const MOST_SUBSTEPS: usize = 256;
-/// By what distances fall when steps are halved: of methods of first to third order, and more slowly where rates jump.
+/// Factors by which distances fall when steps are halved: of methods of first to third order, and more slowly where rates jump.
 const LEAST_RATE: f64 = 1.4;
 const MOST_RATE: f64 = 8.0;
-/// A penalty is raised by at most this factor.
+/// A penalty is raised by at most this factor: beyond it the digits that conditioning takes are more than those it
+/// gives.
 const MOST_STIFFER: f64 = 1e6;
 
 impl<T: Trials> Search<'_, T> {
@@ -24,7 +27,7 @@ impl<T: Trials> Search<'_, T> {
         let degree = self.ways.degrees[0];
         let mut run = loop {
             self.fineness = wanted;
-            match self.one(&self.setting(degree, false, 1.0), &Rounds::new(), false) {
+            match self.one(&self.setting(degree, 1.0), &Rounds::new(), Extent::Solution) {
                 Ok(run) => break run,
                 Err(why) if wanted >= own => return Err(Out::Failed(why)),
                 Err(_) => wanted = (2 * wanted).min(own),
@@ -33,7 +36,7 @@ impl<T: Trials> Search<'_, T> {
         self.set_tolerance(degree, &mut run)?;
         let run = self.set_penalty(degree, run)?;
         let run = self.set_steps(degree, run);
-        let setting = self.setting(degree, false, 1.0);
+        let setting = self.setting(degree, 1.0);
         self.geometry_error = self.trials.geometry(&run, &setting, self.fineness);
         self.first.push((degree, run));
         Ok(())
@@ -53,8 +56,8 @@ impl<T: Trials> Search<'_, T> {
         loop {
             let own = self.substeps;
             self.substeps = 2 * own;
-            let setting = self.setting(degree, false, 1.0);
-            let finer = self.one(&setting, &Rounds::new(), false);
+            let setting = self.setting(degree, 1.0);
+            let finer = self.one(&setting, &Rounds::new(), Extent::Solution);
             let apart = finer.as_ref().map_err(Clone::clone).and_then(|finer| self.trials.distance(&run, finer));
             let (Ok(finer), Ok(apart)) = (finer, apart) else {
                 // a solution that is zero has no relative error, and no part of it
@@ -77,7 +80,7 @@ impl<T: Trials> Search<'_, T> {
     fn set_tolerance(&mut self, degree: usize, run: &mut T::Run) -> Result<(), Out> {
         let own = self.tolerance;
         self.tolerance = *TOLERANCES.start();
-        let tight = self.setting(degree, false, 1.0);
+        let tight = self.setting(degree, 1.0);
         self.tolerance = own;
         // a solution that is zero has no relative error, and no part of it
         let found = self.trials.tighter(run, &tight, self.fineness).unwrap_or(0.0);
@@ -100,8 +103,8 @@ impl<T: Trials> Search<'_, T> {
         loop {
             let own = self.stiffer;
             self.stiffer = 10.0 * own;
-            let setting = self.setting(degree, false, 1.0);
-            let other = self.one(&setting, &Rounds::new(), false).map_err(Out::Failed)?;
+            let setting = self.setting(degree, 1.0);
+            let other = self.one(&setting, &Rounds::new(), Extent::Solution).map_err(Out::Failed)?;
             // the error of a penalty falls like its inverse: the distance is nine tenths of it
             self.method_error = self.trials.distance(&run, &other).map_err(Out::Failed)? / 0.9;
             let allowed = PART_OF_METHOD * self.demand.error;
@@ -114,8 +117,8 @@ impl<T: Trials> Search<'_, T> {
             run = if factor == 10.0 {
                 other
             } else {
-                let setting = self.setting(degree, false, 1.0);
-                self.one(&setting, &Rounds::new(), false).map_err(Out::Failed)?
+                let setting = self.setting(degree, 1.0);
+                self.one(&setting, &Rounds::new(), Extent::Solution).map_err(Out::Failed)?
             };
         }
     }
@@ -130,8 +133,8 @@ impl<T: Trials> Search<'_, T> {
             return self.ways.degrees[1];
         }
         for degree in least + 1..=self.ways.degrees.iter().max().map_or(least, |d| d + 1) {
-            let setting = self.setting(degree, false, 1.0);
-            match self.one(&setting, &Rounds::new(), false) {
+            let setting = self.setting(degree, 1.0);
+            match self.one(&setting, &Rounds::new(), Extent::Solution) {
                 Ok(run) => self.first.push((degree, run)),
                 Err(_) => break,
             }

@@ -3,7 +3,8 @@
 use super::{FALL, LAGS, Level, MOST_SAFETY, ROUNDING, SAFETY, Search, error_over_distance, tell_error};
 use crate::accuracy::Trials;
 
-/// An order of convergence is that of the elements from this part of it on.
+/// An order of convergence is that of the elements from this part of it on: measured orders of coarse meshes are a
+/// little below those of theory.
 const NEARLY: f64 = 0.75;
 /// In scenes with kinks two checks in a row have to agree within this factor: until the active set is resolved, one says
 /// little of the next.

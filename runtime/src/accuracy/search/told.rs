@@ -42,7 +42,7 @@ impl<T: Trials> Search<'_, T> {
             trial.error = Real(error);
         }
         let others = levels.last().map_or_else(Vec::new, |judge| self.others(&run, &judge.rich, SAFETY));
-        let setting = self.setting(mesh.degree, false, mesh.finer);
+        let setting = self.setting(mesh.degree, mesh.finer);
         let data = levels.last().map_or(0.0, |judge| judge.data.error);
         let (rounds, apart) = (mesh.rounds.len(), error / SAFETY);
         let end = End { setting, rounds, apart, error, data, others, short: None };

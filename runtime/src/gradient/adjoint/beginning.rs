@@ -2,14 +2,14 @@
 
 use wfl::Diagnostic;
 
-use super::{Backwards, Cotangent, Of, Sums, add};
+use super::{Backwards, Cotangent, Of, Read, Sums, add};
 use crate::{
     gradient::{
         beginning::{AtStart, Beginning, parted},
         refused::not_made,
         standing::AGREEMENT,
     },
-    run::prescribed_differences,
+    run::{As, prescribed_differences},
     scene::node_positions,
 };
 
@@ -31,11 +31,11 @@ impl Backwards<'_, '_> {
         let mut rates = beginning.of_kept(&start.kept, n_dofs);
         let highest = beginning.of_highest(&rates);
         let numbering = &self.standing.solving.system.numbering;
-        let adjoint = beginning.highest(numbering, &highest, true)?;
+        let adjoint = beginning.highest(numbering, &highest, As::Transposed)?;
         let weights = self.by_test_field(&adjoint);
         self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &weights)?;
         let (mut now, mut past) = (self.nothing(), self.nothing());
-        self.spread(-1.0, false, &mut now, &mut past, &mut sum.live);
+        self.spread(-1.0, Read::ByEquations, &mut now, &mut past, &mut sum.live);
         // nothing lies between both
         for moved in [&now, &past] {
             add(&mut start.u, &moved.u);

@@ -6,7 +6,7 @@
 use wfl::Diagnostic;
 use wfl_compiler::types::RateOrder;
 
-use super::{Backwards, Cotangent, Of, Sums, add};
+use super::{Backwards, Cotangent, Of, Read, Sums, add};
 use crate::{PassedStep, rates::Kept, scene::Explicit, system::FIXED};
 
 /// What a result follows of mass and damping on the diagonal, by dof.
@@ -70,7 +70,7 @@ impl Backwards<'_, '_> {
         if weights.iter().any(|w| *w != 0.0) {
             let by_field = self.by_test_field(&weights);
             self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &by_field)?;
-            self.spread(1.0, false, end, &mut read, &mut sum.live);
+            self.spread(1.0, Read::ByEquations, end, &mut read, &mut sum.live);
         }
         for (d, w) in weights.iter().enumerate() {
             sum.lumped.mass[d] += w * acceleration[d];
@@ -121,7 +121,7 @@ impl Backwards<'_, '_> {
         let by_field = self.by_test_field(&weights);
         self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &by_field)?;
         let (mut now, mut past) = (self.nothing(), self.nothing());
-        self.spread(1.0, false, &mut now, &mut past, &mut sum.live);
+        self.spread(1.0, Read::ByEquations, &mut now, &mut past, &mut sum.live);
         for moved in [&now, &past] {
             add(&mut start.u, &moved.u);
             start.known.iter_mut().zip(&moved.known).for_each(|(to, from)| add(to, from));
@@ -145,11 +145,15 @@ impl Backwards<'_, '_> {
             }
             let by_field = self.by_test_field(&weights);
             for (factor, is_there) in [(1.0, true), (-1.0, false)] {
-                self.standing.take_probe(&probe, is_there);
+                if is_there {
+                    self.standing.take_probe(&probe);
+                } else {
+                    self.standing.take_rest(&probe);
+                }
                 self.laws.set_step(self.standing.step_of(step.time, step));
                 self.evaluate(|of| matches!(of, Of::Term(k) if probe.terms.contains(&k)), &step.u, &by_field)?;
                 let (mut now, mut past) = (self.nothing(), self.nothing());
-                self.spread(factor, false, &mut now, &mut past, &mut sum.live);
+                self.spread(factor, Read::ByEquations, &mut now, &mut past, &mut sum.live);
                 start.known.iter_mut().zip(&now.known).for_each(|(to, from)| add(to, from));
             }
         }

@@ -5,7 +5,7 @@ use wfl::Diagnostic;
 use super::{Forwards, Moving};
 use crate::{
     gradient::beginning::{AtStart, Beginning, parted},
-    run::prescribed_differences,
+    run::{As, prescribed_differences},
     scene::node_positions,
 };
 
@@ -51,7 +51,7 @@ impl Forwards<'_, '_> {
         one.end = one.before.clone();
         one.rates = Some(rates.with_behind(&rates.along(&beginning.kept(rates, &moved)), self.extended.n));
         let forces: Vec<f64> = self.residual(step, one)?.iter().map(|x| -x).collect();
-        let highest = beginning.highest(&self.standing.solving.system.numbering, &forces, false)?;
+        let highest = beginning.highest(&self.standing.solving.system.numbering, &forces, As::Written)?;
         beginning.each_highest(&mut moved, |d, rate| *rate += highest[d]);
         one.before.kept = beginning.kept(rates, &moved);
         Ok(())

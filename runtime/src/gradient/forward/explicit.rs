@@ -86,7 +86,11 @@ impl Forwards<'_, '_> {
         let still = self.standing.rates().map_or_else(Kept::new, Rates::nothing);
         for probe in self.standing.probes(explicit)? {
             for (factor, is_there) in [(1.0, true), (-1.0, false)] {
-                self.standing.take_probe(&probe, is_there);
+                if is_there {
+                    self.standing.take_probe(&probe);
+                } else {
+                    self.standing.take_rest(&probe);
+                }
                 self.laws.set_step(self.standing.step_of(step.time, step));
                 let held = self.standing.rates().expect("explicit steps have rates");
                 one.rates = Some(held.with_behind(&held.along(&still), self.extended.n));

@@ -11,7 +11,7 @@ use super::{Motion, Place, STRAIN, Vector, dot};
 const TILTED: f64 = 0.25;
 /// Overlaps that are tried until a force acts: from the strain of the tests to many times the size of the cell.
 const DOUBLINGS: i32 = 30;
-/// Directions are one if their product is within this of 1.
+/// Directions are one if the cosine between them is within this of 1: rounding of normals.
 const ALIGNED: f64 = 1e-9;
 
 impl Place<'_> {

@@ -13,6 +13,7 @@ mod tests;
 use std::sync::Arc;
 
 use super::SolveError;
+use super::Symmetry;
 use super::library::{Engine, Equations, Library, Traits};
 
 /// The method.
@@ -31,7 +32,7 @@ impl Library for FilteredMultigrid {
         in_words(traits)
     }
 
-    fn engine(&self, equations: &Arc<Equations>, _is_symmetric: bool) -> Result<Box<dyn Engine + Send>, SolveError> {
+    fn engine(&self, equations: &Arc<Equations>, _symmetry: Symmetry) -> Result<Box<dyn Engine + Send>, SolveError> {
         Ok(Box::new(engine::FilteredEngine::new(equations)?))
     }
 }

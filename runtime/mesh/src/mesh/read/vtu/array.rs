@@ -160,30 +160,31 @@ impl<'a> Layout<'a> {
         Some(bytes)
     }
 
+    /// The words of `N` bytes, the lowest first, as numbers.
+    fn each<const N: usize>(&self, bytes: &[u8], number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
+        let chunks = bytes.chunks_exact(N).map(|c| {
+            let mut word = [0; N];
+            word.copy_from_slice(c);
+            if self.big_endian {
+                word.reverse();
+            }
+            number(word)
+        });
+        chunks.collect()
+    }
+
     fn numbers(&self, kind: &str, bytes: &[u8]) -> Option<Vec<f64>> {
-        fn each<const N: usize>(bytes: &[u8], reverse: bool, number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
-            let chunks = bytes.chunks_exact(N).map(|c| {
-                let mut word = [0; N];
-                word.copy_from_slice(c);
-                if reverse {
-                    word.reverse();
-                }
-                number(word)
-            });
-            chunks.collect()
-        }
-        let reverse = self.big_endian;
         Some(match kind {
-            "Int8" => each::<1>(bytes, reverse, |w| f64::from(i8::from_le_bytes(w))),
-            "UInt8" => each::<1>(bytes, reverse, |w| f64::from(w[0])),
-            "Int16" => each::<2>(bytes, reverse, |w| f64::from(i16::from_le_bytes(w))),
-            "UInt16" => each::<2>(bytes, reverse, |w| f64::from(u16::from_le_bytes(w))),
-            "Int32" => each::<4>(bytes, reverse, |w| f64::from(i32::from_le_bytes(w))),
-            "UInt32" => each::<4>(bytes, reverse, |w| f64::from(u32::from_le_bytes(w))),
-            "Int64" => each::<8>(bytes, reverse, |w| i64::from_le_bytes(w) as f64),
-            "UInt64" => each::<8>(bytes, reverse, |w| u64::from_le_bytes(w) as f64),
-            "Float32" => each::<4>(bytes, reverse, |w| f64::from(f32::from_le_bytes(w))),
-            "Float64" => each::<8>(bytes, reverse, f64::from_le_bytes),
+            "Int8" => self.each::<1>(bytes, |w| f64::from(i8::from_le_bytes(w))),
+            "UInt8" => self.each::<1>(bytes, |w| f64::from(w[0])),
+            "Int16" => self.each::<2>(bytes, |w| f64::from(i16::from_le_bytes(w))),
+            "UInt16" => self.each::<2>(bytes, |w| f64::from(u16::from_le_bytes(w))),
+            "Int32" => self.each::<4>(bytes, |w| f64::from(i32::from_le_bytes(w))),
+            "UInt32" => self.each::<4>(bytes, |w| f64::from(u32::from_le_bytes(w))),
+            "Int64" => self.each::<8>(bytes, |w| i64::from_le_bytes(w) as f64),
+            "UInt64" => self.each::<8>(bytes, |w| u64::from_le_bytes(w) as f64),
+            "Float32" => self.each::<4>(bytes, |w| f64::from(f32::from_le_bytes(w))),
+            "Float64" => self.each::<8>(bytes, f64::from_le_bytes),
             _ => return None,
         })
     }
