@@ -48,7 +48,7 @@ impl LinearSolver {
         }
     }
 
-    fn fresh(&self, matrix: &Csr) -> Result<Box<dyn Factor + Send>, SolveError> {
+    pub(super) fn fresh(&self, matrix: &Csr) -> Result<Box<dyn Factor + Send>, SolveError> {
         let coordinates = Some(self.coordinates.as_slice());
         if let (Some(linked), Some(equations)) = (self.library, &self.equations) {
             let solver = CheckedLibrary::new(linked, equations, Symmetry::known(self.symmetric), &self.coordinates, self.options)?;
