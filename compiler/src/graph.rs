@@ -12,6 +12,7 @@ use crate::{
     types::{FieldId, FieldSig, Moves, Shape, Side},
 };
 
+mod difference;
 mod functions;
 mod node;
 mod shorthand;

@@ -30,7 +30,8 @@ pub(super) fn divergence(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     Some(b.graph.trace(grad, shape.rank() - 1, shape.rank()))
 }
 
-/// `Rate(e)`: the argument is built again with the values at the end of the previous step.
+/// `Rate(e)`: the argument is built again with the values at the end of the previous step. What does not change is left out of
+/// the difference, and with it its rounding.
 pub(super) fn rate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     if b.env.step_variable.is_none() {
         let d = Diagnostic::new(Code::E206, "`Rate` needs a `steps` statement: without steps there is no past");
@@ -45,7 +46,7 @@ pub(super) fn rate(b: &mut Builder<'_>, c: &Call<'_>) -> Option<ExprId> {
     let before = b.argument(c, 0);
     b.in_the_past = false;
     let (_, before) = before?;
-    let change = b.graph.sub(now, before);
+    let change = b.graph.difference(now, before);
     let step = b.graph.leaf(Leaf::TimeStep);
     Some(b.graph.divide(change, step))
 }
