@@ -17,6 +17,7 @@ use std::sync::Arc;
 
 use contact::Factors;
 
+use super::condensation::condenses;
 use super::filtered;
 use super::iterative::{self, Iterative};
 use super::library;
@@ -30,9 +31,6 @@ use wfl_sparse::solve::{
     CheckedAtPoints, CheckedLibrary, CheckedLlt, CheckedLu, DENSE_LIMIT, Elimination as Method, Equations, Kept,
     LinearMethod, LinearSolver as Factor, Linked, Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
 };
-
-/// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
-const CONDENSE_BELOW: f64 = 0.6;
 
 /// What is noted where LU takes the place of Cholesky.
 const INDEFINITE: &str = "the tangent is symmetric but not positive definite: LU in place of LLT";
@@ -153,7 +151,7 @@ impl LinearSolver {
         // what was made for the matrix before goes first
         (self.equations, self.solver) = (None, None);
         self.equations = Some(Arc::new(library::equations(system)));
-        if self.spare.is_some() {
+        if self.options.library.is_none() {
             self.spare = Some(Box::new(Factors::of(system, &self.coordinates)));
         }
     }
@@ -559,11 +557,4 @@ fn facing(system: &System, coordinates: &[[f64; 3]]) -> Vec<(u32, u32)> {
     keyed.sort_unstable();
     let alike = keyed.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2));
     alike.filter(|group| group.len() == 2).map(|group| (group[0].3, group[1].3)).collect()
-}
-
-/// True if the nonlinear terms touch few dofs beside a symmetric linear part.
-pub fn condenses(system: &System) -> bool {
-    #[expect(clippy::cast_precision_loss, reason = "a ratio of counts")]
-    let few = (system.n_changing_dofs() as f64) < CONDENSE_BELOW * system.n_unknowns() as f64;
-    few && !system.has_moving_images() && system.bulk_is_symmetric() && system.uses(Pruning::Condense)
 }
