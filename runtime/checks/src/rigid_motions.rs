@@ -144,8 +144,13 @@ impl Examined<'_> {
             [one] => bodies[*one].nodes.as_ref().map_or_else(String::new, |own| self.centre(bodies[*one].field, own)),
             _ => String::new(),
         };
+        let about = if dim == 2 && null.nrows() == 1 && rotations == 1 {
+            self.common_pole(group, null.row(0).transpose().as_slice())
+        } else {
+            String::new()
+        };
         let bodies = group.iter().map(|b| bodies[*b].clone()).collect();
-        LooseMotions { fields: names, place, translations, rotations, about: String::new(), bodies }
+        LooseMotions { fields: names, place, translations, rotations, about, bodies }
     }
 
     /// True for a field of displacements of a body.
@@ -218,6 +223,15 @@ impl Examined<'_> {
         let x: Vec<String> =
             (0..self.system.mesh.dim()).map(|d| format!("{}", (mean(d) * 1e3).round() / 1e3)).collect();
         format!("around [{}]", x.join(", "))
+    }
+
+    /// Where nothing moves in one motion of the plane, given by three parts for each body, if all bodies of a group turn
+    /// about the same point.
+    fn common_pole(&self, group: &[usize], parts: &[f64]) -> String {
+        let of = |body: usize| &parts[3 * body..][..3];
+        let first = of(group[0]);
+        let is_same = |body: &usize| of(*body).iter().zip(first).all(|(a, b)| (a - b).abs() < TAKES_PART.sqrt());
+        if group.iter().all(is_same) { self.pole(first) } else { String::new() }
     }
 
     /// The loose motions of some fields together.

@@ -8,14 +8,16 @@ use wfl_discrete::{assemble::Over, pruning::Pruning, system::System};
 use wfl_host::memory::claim;
 use wfl_sparse::solve::LinearMethod;
 
+use super::condensation::condenses;
 use super::library::traits;
-use super::linear_solver::condenses;
 use super::plan::LinearPlan;
 
 /// Unknowns of a mesh in three dimensions that the models below were measured with.
 const REFERENCE: f64 = 1e5;
-/// Fewer unknowns are factored in a few seconds.
-const SMALL: usize = 60_000;
+/// Fewer unknowns are factored where the factor fits into the memory: half a minute and 4 GB at most.
+const SMALL: usize = 150_000;
+/// A factor of fewer is never too large.
+const LEAST: usize = 30_000;
 /// Unknowns of contact above which a factor on them in every iteration of Newton takes longer than the cycles.
 const MOST_ON_CONTACT: usize = 100_000;
 
@@ -34,8 +36,8 @@ pub fn obstacle_of_filter(system: &System) -> Option<String> {
     if let Some(term) = system.terms.iter().find(|t| t.law.class == Class::Linear && !t.law.symmetric) {
         return Some(format!("the term `{}` is not symmetric", term.law.name));
     }
-    let nonlinear = system.terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
-    if let Some(term) = nonlinear.clone().find(|t| t.integrator.domain.over != Over::Facets) {
+    let mut nonlinear = system.terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
+    if let Some(term) = nonlinear.find(|t| t.integrator.domain.over != Over::Facets) {
         return Some(format!("the term `{}` is not linear and no contact", term.law.name));
     }
     if let Some(field) = (0..system.fields.len()).find(|field| system.has_single_equations(*field)) {
@@ -59,17 +61,19 @@ struct Cost {
 }
 
 /// Bytes of the factor of the bodies and of what is condensed, for each unknown at [`REFERENCE`] of them; they grow with the
-/// third root of their number (George 1973).
-const FACTOR_BYTES: f64 = 22e3;
-/// Seconds of that factor there, and the power of the number of unknowns they grow with.
-const FACTOR_SECONDS: f64 = 7.0;
-const FACTOR_POWER: f64 = 1.85;
-/// Seconds of a step there: some iterations of Newton, each a few solutions.
-const STEP_SECONDS: f64 = 0.6;
-/// Of the iteration: bytes for each unknown, seconds of the levels, and of a step.
+/// third root of their number (George 1973). Measured as the time is: 2.3 GB for 107,000 unknowns, 5.1 GB for 205,000.
+const FACTOR_BYTES: f64 = 20e3;
+/// Seconds of that factor there, and the power of the number of unknowns they grow with. Measured on the fault, 4 and 20 steps
+/// of 107,000 and of 205,000 unknowns (docs/scale.md).
+const FACTOR_SECONDS: f64 = 6.8;
+const FACTOR_POWER: f64 = 2.1;
+/// Seconds of a step there: some iterations of Newton, each a few solutions; they grow as the bytes of the factor do.
+const STEP_SECONDS: f64 = 0.5;
+/// Of the iteration: bytes for each unknown, seconds of the levels and the first assembly, and of a step; those of the same
+/// method in PETSc on two ranks, from 107,000 to 350,000 unknowns (docs/scale.md).
 const BYTES: f64 = 2.2e3;
-const LEVELS_SECONDS: f64 = 1.0;
-const ITERATIONS_SECONDS: f64 = 2.0;
+const LEVELS_SECONDS: f64 = 4.9;
+const ITERATIONS_SECONDS: f64 = 1.4;
 
 #[expect(clippy::cast_precision_loss, reason = "counts")]
 fn factor(n: usize, steps: usize) -> Cost {
@@ -93,14 +97,13 @@ fn size(cost: Cost) -> u64 {
 #[must_use]
 pub(super) fn is_chosen(system: &System, method: LinearMethod, steps: usize) -> bool {
     let n = system.n_unknowns();
-    let pays = || {
-        let (direct, iterative) = (factor(n, steps), iteration(n, steps));
-        iterative.seconds < direct.seconds || claim(size(direct), "the factor of the bodies").is_err()
-    };
+    let (direct, iterative) = (factor(n, steps), iteration(n, steps));
+    let pays = || n >= SMALL && iterative.seconds < direct.seconds;
+    let fits = || claim(size(direct), "the factor of the bodies").is_ok();
     let is_wanted = match method {
         LinearMethod::Direct => false,
         LinearMethod::Iterative => true,
-        LinearMethod::Auto => system.mesh.dim() == 3 && n >= SMALL && pays(),
+        LinearMethod::Auto => system.mesh.dim() == 3 && n >= LEAST && (pays() || !fits()),
     };
     is_wanted && obstacle_of_filter(system).is_none()
 }
@@ -138,6 +141,6 @@ mod tests {
     #[test]
     fn many_steps_pay_for_a_factor_and_many_unknowns_do_not() {
         let pays = |n, steps| iteration(n, steps).seconds < factor(n, steps).seconds;
-        assert!(pays(350_000, 4) && !pays(60_000, 100) && pays(2_000_000, 20));
+        assert!(pays(350_000, 4) && !pays(60_000, 4) && !pays(107_000, 20) && pays(2_000_000, 20));
     }
 }

@@ -8,6 +8,7 @@
 #![forbid(unsafe_code)]
 
 mod branch;
+mod condensation;
 mod critical_point;
 mod error;
 mod filtered;
@@ -34,11 +35,12 @@ mod test_block;
 #[cfg(test)]
 mod tests;
 
+pub use condensation::condenses;
 pub use error::{NewtonError, Singular};
 pub use filtered::obstacle_of_filter;
 pub use history::{Iteration, StepHistory, Stop};
 pub use iterative::obstacle;
-pub use linear_solver::{LinearSolver, condenses, shares_forces};
+pub use linear_solver::{LinearSolver, shares_forces};
 pub use load_step::{LoadStep, Rounding, Spent};
 pub use method::Method;
 pub use plan::{Extent, FactorKind, LinearPlan};

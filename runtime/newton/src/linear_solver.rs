@@ -21,6 +21,7 @@ use std::sync::Arc;
 
 use contact::Factors;
 
+use super::condensation::condenses;
 use super::filtered;
 use super::iterative::{self, Iterative};
 use super::library;
@@ -36,8 +37,6 @@ use wfl_sparse::solve::{
     Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
 };
 
-/// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
-const CONDENSE_BELOW: f64 = 0.6;
 
 enum Kind {
     /// Matrix of the linear terms only.
@@ -159,7 +158,7 @@ impl LinearSolver {
         // what was made for the matrix before goes first
         (self.equations, self.solver) = (None, None);
         self.equations = Some(Arc::new(library::equations(system)));
-        if self.spare.is_some() {
+        if self.options.library.is_none() {
             self.spare = Some(Box::new(Factors::of(system, &self.coordinates)));
         }
     }
@@ -533,11 +532,4 @@ fn facing(system: &System, coordinates: &[[f64; 3]]) -> Vec<(u32, u32)> {
     keyed.sort_unstable();
     let alike = keyed.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2));
     alike.filter(|group| group.len() == 2).map(|group| (group[0].3, group[1].3)).collect()
-}
-
-/// True if the nonlinear terms touch few dofs beside a symmetric linear part.
-pub fn condenses(system: &System) -> bool {
-    #[expect(clippy::cast_precision_loss, reason = "a ratio of counts")]
-    let few = (system.n_changing_dofs() as f64) < CONDENSE_BELOW * system.n_unknowns() as f64;
-    few && !system.has_moving_images() && system.bulk_is_symmetric() && system.uses(Pruning::Condense)
 }

@@ -2,12 +2,11 @@
 
 use std::sync::Arc;
 
-use super::{Kind, LinearSolver, at_points, condenses, facing};
+use super::{Kind, LinearSolver, at_points, facing};
+use crate::condensation::condenses;
 use wfl_discrete::{pruning::Pruning, system::System};
 use wfl_sparse::csr::{Csr, Pattern};
-use wfl_sparse::solve::{
-    CheckedAtPoints, FILTERED_MULTIGRID, Kept, Linked, SolveError, SolveReport, SolverMemory,
-};
+use wfl_sparse::solve::{CheckedAtPoints, FilteredMultigrid, Kept, Linked, SolveError, SolveReport, SolverMemory};
 
 /// What the iteration is called where a factor takes its place.
 const FILTERED: &str = "GMRES with multigrid";
@@ -72,8 +71,7 @@ impl LinearSolver {
 
     /// Prepares for our iteration.
     pub(super) fn iterate_on_contact(&mut self, system: &System) {
-        self.library = Some(Linked(&FILTERED_MULTIGRID));
-        self.spare = Some(Box::new(Factors::of(system, &self.coordinates)));
+        self.library = Some(Linked(&FilteredMultigrid));
         self.tell_library(system);
         self.kind = Kind::Linked;
     }

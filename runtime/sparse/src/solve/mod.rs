@@ -48,7 +48,7 @@ mod triangular_solve;
 
 pub use checked::{CheckedDense, CheckedLdlt, CheckedLlt, CheckedLu};
 pub use condensed::{CheckedAtPoints, CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
-pub use filtered::{FILTERED_MULTIGRID, FilteredMultigrid};
+pub use filtered::FilteredMultigrid;
 pub use inertia::{Inertia, inertia};
 pub use library::{CheckedLibrary, Engine, Equations, Library, Linked, Traits};
 pub use memory::SolverMemory;

@@ -1,7 +1,7 @@
 //! GMRES on the whole matrix, with a cycle of multigrid for the bodies and a direct solution on the unknowns of contact.
 //!
 //! The levels are made once, of the first matrix: of the constant part, and of the symmetric part of what contact adds to
-//! it, so weak that it is no stiffer than the bodies. Levels of the bodies alone know no smooth motion that contact holds;
+//! it, so weak that it is no stiffer than the bodies wherever the sum is positive definite. Levels of the bodies alone know no smooth motion that contact holds;
 //! how stiff contact is, and where it slides or opens later, is left to the filter. Where an iteration is slow, or does not
 //! end, levels are made of the matrix at hand.
 //!
@@ -10,10 +10,10 @@
 
 use std::sync::Arc;
 
+use super::super::SolveError;
 use super::super::library::{Engine, Equations};
 use super::super::multigrid::{Cycle, NodeLayout};
 use super::super::scaling::symmetric_scale;
-use super::super::SolveError;
 use super::filter::Filter;
 use super::gmres::{FlexibleGmres, Operators, norm_2};
 use crate::csr::Csr;
@@ -36,6 +36,8 @@ pub(super) struct FilteredEngine {
     levels: Option<Levels>,
     filter: Option<Filter>,
     gmres: FlexibleGmres,
+    /// Diagonal of the constant part.
+    diagonal: Vec<f64>,
     /// Of the equations of the matrix taken last: its norms are those of the checks.
     scale: Vec<f64>,
     /// New levels are due.
@@ -84,6 +86,7 @@ impl FilteredEngine {
             levels: None,
             filter,
             gmres: FlexibleGmres::default(),
+            diagonal: (0..equations.n_rows()).map(|row| equations.constant.get(row, row)).collect(),
             scale: Vec::new(),
             is_slow: false,
             counts: Counts::default(),
@@ -96,17 +99,23 @@ impl FilteredEngine {
         self.levels = None;
         self.is_slow = false;
         let constant = &*self.equations.constant;
-        let contact = weak_part(constant, changing)?;
+        let (mut contact, stiffness) = symmetric_part(constant, changing)?;
         let made = |parts: &[&Csr]| {
             let mut cycle = Cycle::new(parts, &self.layout)?;
             cycle.trust()?;
             Ok(cycle)
         };
-        let cycle = match made(&[constant, &contact]) {
-            // friction that is not symmetric, say: the bodies may stand alone
-            Err(SolveError::NotPositiveDefinite { .. }) => made(&[constant]),
-            other => other,
-        };
+        // so weak that it is no stiffer than the bodies; as it is, where it makes up for what a linear term on the faces
+        // takes away (Nitsche's method); and none, where friction is far from symmetric
+        contact.values_mut().iter_mut().for_each(|value| *value /= stiffness);
+        let mut cycle = made(&[constant, &contact]);
+        if is_indefinite(&cycle) && stiffness > 1.0 {
+            contact.values_mut().iter_mut().for_each(|value| *value *= stiffness);
+            cycle = made(&[constant, &contact]);
+        }
+        if is_indefinite(&cycle) {
+            cycle = made(&[constant]);
+        }
         let cycle = cycle.map_err(|error| match error {
             SolveError::NotPositiveDefinite { .. } => SolveError::Library { text: INDEFINITE.to_owned() },
             other => other,
@@ -138,19 +147,20 @@ impl FilteredEngine {
     }
 }
 
-/// The symmetric part of what changes, made so weak that its diagonal is no larger than that of the constant part.
-fn weak_part(constant: &Csr, changing: &Csr) -> Result<Csr, SolveError> {
+fn is_indefinite(cycle: &Result<Cycle, SolveError>) -> bool {
+    matches!(cycle, Err(SolveError::NotPositiveDefinite { .. }))
+}
+
+/// The symmetric part of what changes, and by how much its diagonal is larger than that of the constant part, at least 1.
+fn symmetric_part(constant: &Csr, changing: &Csr) -> Result<(Csr, f64), SolveError> {
     let mut part = changing.plus(&changing.transpose())?;
     part.values_mut().iter_mut().for_each(|value| *value *= 0.5);
     let ratio = |row: usize| {
         let (own, added) = (constant.get(row, row), part.get(row, row));
         if own > 0.0 { added / own } else { 0.0 }
     };
-    let largest = (0..part.n_rows()).map(ratio).fold(0.0, f64::max);
-    if largest > 1.0 {
-        part.values_mut().iter_mut().for_each(|value| *value /= largest);
-    }
-    Ok(part)
+    let stiffness = (0..part.n_rows()).map(ratio).fold(1.0, f64::max);
+    Ok((part, stiffness))
 }
 
 /// The scaled matrix and its preconditioner.
@@ -185,7 +195,7 @@ impl Engine for FilteredEngine {
     fn take(&mut self, changing: &Csr) -> Result<(), SolveError> {
         let constant = &*self.equations.constant;
         let diagonal: Vec<f64> =
-            (0..constant.n_rows()).map(|row| constant.get(row, row) + changing.get(row, row)).collect();
+            self.diagonal.iter().enumerate().map(|(row, own)| own + changing.get(row, row)).collect();
         self.scale = symmetric_scale(&[constant, changing], &diagonal, None);
         if let Some(filter) = &mut self.filter {
             filter.take(changing)?;

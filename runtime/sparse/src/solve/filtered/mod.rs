@@ -20,9 +20,6 @@ use super::library::{Engine, Equations, Library, Traits};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FilteredMultigrid;
 
-/// The method as an option of a run.
-pub static FILTERED_MULTIGRID: FilteredMultigrid = FilteredMultigrid;
-
 impl Library for FilteredMultigrid {
     fn name(&self) -> &'static str {
         "own"

@@ -46,7 +46,7 @@ fn equations(problem: &ElasticBox, changing: &Csr) -> Arc<Equations> {
 fn solver(equations: &Arc<Equations>, threads: usize) -> CheckedLibrary {
     let options = SolverOptions { threads, ..SolverOptions::default() };
     let points = vec![[0.0; 3]; equations.n_rows()];
-    CheckedLibrary::new(Linked(&FILTERED_MULTIGRID), equations, Symmetry::General, &points, options).unwrap()
+    CheckedLibrary::new(Linked(&FilteredMultigrid), equations, Symmetry::General, &points, options).unwrap()
 }
 
 fn load(n: usize) -> Vec<f64> {
@@ -238,7 +238,7 @@ fn what_cannot_be_told_by_nodes_is_refused() {
     let mut equations = (*equations(&problem, &changing)).clone();
     equations.layout = None;
     equations.traits.obstacle = Some("some unknowns follow others".to_owned());
-    let Err(SolveError::Library { text }) = FILTERED_MULTIGRID.engine(&Arc::new(equations), Symmetry::General).map(|_| ()) else {
+    let Err(SolveError::Library { text }) = FilteredMultigrid.engine(&Arc::new(equations), Symmetry::General).map(|_| ()) else {
         panic!("it must be refused")
     };
     assert_eq!(text, "no multigrid: some unknowns follow others");

@@ -3,7 +3,7 @@
 //! Promises: the same bits for any number of threads; the same operator every time, up to the rounding of single
 //! precision. Does not look at residuals.
 
-use super::super::{SolveError};
+use super::super::SolveError;
 use super::hierarchy::Hierarchy;
 use super::nodes::{NodeLayout, NodeRows};
 use crate::csr::Csr;
