@@ -1,5 +1,5 @@
 //! GMRES with multigrid and a filter on the contact against factors: the same iterations of Newton and the same measures on
-//! the fault, for every method of contact.
+//! the fault.
 
 use std::{path::Path, time::Instant};
 
@@ -76,10 +76,17 @@ fn penalty_has_the_iterations_and_measures_of_factors() {
 }
 
 #[test]
-fn all_variants_of_nitsche_have_them() {
-    for theta in ["0 ", "-1", "1 "] {
+fn the_incomplete_and_the_skew_symmetric_variant_of_nitsche_have_them() {
+    for theta in ["0 ", "-1"] {
         agrees(8, NITSCHE, &[("theta = 0 ", &format!("theta = {theta}"))]);
     }
+}
+
+/// Its stress term takes so much from the bodies that they, and the levels with contact, are not positive definite.
+#[test]
+fn the_symmetric_variant_gets_a_factor_and_is_told_so() {
+    let (solver, ..) = told(&outcome(&fault(8, NITSCHE, &[("theta = 0 ", "theta = 1 ")], "gmres, amg"), 2));
+    assert!(solver.contains("a factor in place of GMRES with multigrid: no levels of multigrid"), "{solver}");
 }
 
 #[test]
@@ -92,7 +99,7 @@ fn augmented_lagrangians_have_them() {
 fn finer_faults_have_them() {
     agrees(16, PENALTY, &[]);
     agrees(16, AUGMENTED, &[]);
-    for (theta, gamma) in [("0 ", "1e5"), ("-1", "1e5"), ("1 ", "1e6"), ("0 ", "5e6")] {
+    for (theta, gamma) in [("0 ", "1e5"), ("-1", "1e5"), ("0 ", "5e6")] {
         agrees(
             16,
             NITSCHE,

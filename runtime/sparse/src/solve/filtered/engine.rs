@@ -1,9 +1,9 @@
 //! GMRES on the whole matrix, with a cycle of multigrid for the bodies and a direct solution on the unknowns of contact.
 //!
 //! The levels are made once, of the first matrix: of the constant part, and of the symmetric part of what contact adds to
-//! it, so weak that it is no stiffer than the bodies wherever the sum is positive definite. Levels of the bodies alone know no smooth motion that contact holds;
-//! how stiff contact is, and where it slides or opens later, is left to the filter. Where an iteration is slow, or does not
-//! end, levels are made of the matrix at hand.
+//! it, so weak that it is no stiffer than the bodies wherever the sum is positive definite. Levels of the bodies alone know
+//! no smooth motion that contact holds; how stiff contact is, and where it slides or opens later, is left to the filter.
+//! Where an iteration is slow, or does not end, levels are made of the matrix at hand.
 //!
 //! Promises: the same bits for any number of threads, and for a run that goes on from what [`Engine::remembered`] says.
 //! Does not check solutions and has no factor of the whole: who asks turns to one where no solution is found.
