@@ -254,7 +254,10 @@ impl Workspace {
     /// Forgets the factorisation before.
     fn clear(&mut self) -> Result<(), SolveError> {
         self.waiting.clear();
-        (self.values.clear(), self.candidates.clear(), self.beside.clear(), self.made.clear());
+        self.values.clear();
+        self.candidates.clear();
+        self.beside.clear();
+        self.made.clear();
         self.pivots = Pivots::default();
         // asked for when the structure was analysed
         let refused = |_| refused_by_the_system(Some(8 * self.foreseen as u64), "the factor of the matrix");
