@@ -49,7 +49,7 @@ fn reversed_gap(system: &System, contact: &Contact, term: &ContactTerm) -> Optio
     for group in &domain.groups {
         let there = group.there.as_ref()?;
         for entity in 0..group.entities.len() {
-            images.extend((0..group.n_points()).map(|q| system.mesh.point_at(there.cells[entity], &there.geometry, q)));
+            images.extend((0..group.n_points()).map(|q| there.position(&system.mesh, entity, q)));
         }
     }
     let mut all: Vec<(f64, f64, f64, [f64; 3])> = Vec::new();

@@ -78,7 +78,7 @@ impl Surface {
         for group in &domain.groups {
             for (k, entity) in group.entities.iter().enumerate() {
                 let face = *faces.entry(*entity).or_insert_with(|| surface.add_face(mesh, group.here.facets[k]));
-                let at = |q: usize| Vector3::from(mesh.point_at(group.here.cells[k], &group.here.geometry, q));
+                let at = |q: usize| Vector3::from(group.position(mesh, k, q));
                 surface.points.extend((0..group.n_points()).map(|q| (face, at(q))));
             }
         }

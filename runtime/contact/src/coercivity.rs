@@ -28,7 +28,7 @@ use point::PointLaw;
 use wfl_discrete::assemble::{AssembledTerm, Bound, FieldValues, Group, Workspace};
 use wfl_discrete::field::Field;
 use wfl_discrete::system::System;
-use wfl_mesh::mesh::{CellId, FacetRef};
+use wfl_mesh::mesh::CellId;
 
 /// Facets that are looked at, spread over the interface; as many more with the thinnest cells.
 const FACETS: usize = 8;
@@ -156,9 +156,11 @@ impl Probe<'_> {
             let facets = group.of.iter().enumerate();
             facets.filter_map(move |(e, position)| Some((group.before + (*position)?, (g, e))))
         });
-        // where images move each point is a group
-        let is_first =
-            |(_, place): &(usize, Place)| !self.term.moves() || self.facet_of(place.0) != self.facet_before(place.0);
+        // where images move each point is an entity
+        let is_first = |(_, place): &(usize, Place)| {
+            let facets = &self.term.sampled.domain.groups[place.0].here.facets;
+            !self.term.moves() || place.1 == 0 || facets[place.1] != facets[place.1 - 1]
+        };
         let own: Vec<(usize, Place)> = own
             .filter(is_first)
             .enumerate()
@@ -185,28 +187,19 @@ impl Probe<'_> {
         chosen
     }
 
-    /// The facet of the first entity of a group.
-    fn facet_of(&self, group: usize) -> Option<FacetRef> {
-        self.term.sampled.domain.groups.get(group)?.here.facets.first().copied()
-    }
-
-    /// That of the group before.
-    fn facet_before(&self, group: usize) -> Option<FacetRef> {
-        group.checked_sub(1).and_then(|before| self.facet_of(before))
-    }
-
     /// The points of a facet.
     fn n_points(&self, place: Place) -> usize {
-        let groups = &self.term.sampled.domain.groups;
+        let group = &self.term.sampled.domain.groups[place.0];
         if !self.term.moves() {
-            return groups[place.0].n_points();
+            return group.n_points();
         }
-        (place.0..groups.len()).take_while(|g| self.facet_of(*g) == self.facet_of(place.0)).count()
+        let facets = &group.here.facets[place.1..];
+        facets.iter().take_while(|facet| **facet == facets[0]).count()
     }
 
-    /// Group, entity and number of a point of a facet. Where images move each point is a group of its own.
+    /// Group, entity and number of a point of a facet. Where images move each point is an entity of its own.
     fn spot(&self, place: Place, point: usize) -> (usize, usize, usize) {
-        if self.term.moves() { (place.0 + point, 0, 0) } else { (place.0, place.1, point) }
+        if self.term.moves() { (place.0, place.1 + point, 0) } else { (place.0, place.1, point) }
     }
 
     /// How far the centre of the cell is from that of the facet.
@@ -277,7 +270,7 @@ impl Probe<'_> {
             let input = |s: usize| workspace.inputs[(point * n + s) * LANES + entity % LANES];
             let mut inputs: Vec<f64> = (0..n).map(input).collect();
             if has_images {
-                inputs = ContactTerm::at_touch(self.system, &domain.groups[g], &law.inputs, &inputs);
+                inputs = ContactTerm::at_touch(self.system, (&domain.groups[g], entity), &law.inputs, &inputs);
             }
             let inputs: Vec<Dd> = inputs.into_iter().map(Dd::from_f64).collect();
             let uniforms: Vec<Dd> = term.uniforms().iter().map(|x| Dd::from_f64(*x)).collect();
@@ -457,7 +450,8 @@ impl Probe<'_> {
         workspace.prepare(self.bound(), g, entity / LANES, at);
         let mut inputs = p.point_inputs(&workspace, q, entity % LANES);
         if p.moves() {
-            inputs = ContactTerm::at_touch(self.system, &p.sampled.domain.groups[g], &p.law.law.inputs, &inputs);
+            inputs =
+                ContactTerm::at_touch(self.system, (&p.sampled.domain.groups[g], entity), &p.law.law.inputs, &inputs);
         }
         p.slopes.at_point(&inputs)
     }

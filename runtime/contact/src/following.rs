@@ -15,11 +15,10 @@ use wfl_compiler::{
     types::{FieldKind, FieldOp, InputSlot, Side},
 };
 use wfl_discrete::{
-    assemble::{FieldValues, Group},
+    assemble::{Domain, FieldValues, Group},
     domain::ImageMotion,
     system::System,
 };
-use wfl_mesh::mesh::Mesh;
 
 use super::{
     ContactTerm,
@@ -28,11 +27,11 @@ use super::{
 };
 
 impl ContactTerm {
-    /// What inputs of a law are at a point of a group of one point where nothing has moved and the image is the point itself,
+    /// What inputs of a law are at a point that is an entity of its own where nothing has moved and the image is the point itself,
     /// on a plane face that faces it; `values` are those of any state.
-    pub(super) fn at_touch(system: &System, group: &Group, slots: &[InputSlot], values: &[f64]) -> Vec<f64> {
-        let (mesh, dim) = (&system.mesh, system.mesh.dim());
-        let (x, normal) = (position(mesh, group), group.unit_normal(mesh, 0, 0));
+    pub(super) fn at_touch(system: &System, point: (&Group, usize), slots: &[InputSlot], values: &[f64]) -> Vec<f64> {
+        let (mesh, dim, (group, k)) = (&system.mesh, system.mesh.dim(), point);
+        let (x, normal) = (group.position(mesh, k, 0), group.unit_normal(mesh, k, 0));
         let moves = |field: usize| system.fields.get(field).is_some_and(|f| f.kind != FieldKind::Data);
         let of = |(slot, value): (&InputSlot, &f64)| match slot {
             InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) if moves(b.field.index()) => 0.0,
@@ -51,20 +50,21 @@ impl ContactTerm {
 
     /// Overlap, the sign of the force, and faces that press, at a state with the branches of the law as written.
     pub(super) fn gaps_of_images(&self, system: &System, values: FieldValues<'_>) -> ContactGaps {
-        let groups = &self.sampled.at(&system.mesh, values.current).domain.groups;
+        let domain = &self.sampled.at(&system.mesh, values.current).domain;
         let points = self.points_at(system, values);
-        let fluxes = self.forces_along(system, values, groups);
+        let fluxes = self.forces_along(system, values, domain);
         let mut found = ContactGaps::default();
         let mut faces: BTreeMap<usize, [usize; 2]> = BTreeMap::new();
         let (mut pressed, mut pulled) = (0.0, 0.0);
-        for ((group, point), (force, weight)) in groups.iter().zip(&points).zip(fluxes) {
-            let Some(motion) = group.motion.filter(|motion| motion.stand_in.is_none()) else { continue };
+        for ((place, point), (force, weight)) in domain.entities().zip(&points).zip(fluxes) {
+            let (group, k) = place;
+            let Some(motion) = group.motion(k).filter(|motion| motion.stand_in.is_none()) else { continue };
             let presses = self.presses(point);
-            faces.entry(group.entities[0]).or_default()[usize::from(presses)] += 1;
+            faces.entry(group.entities[k]).or_default()[usize::from(presses)] += 1;
             if !presses {
                 continue;
             }
-            found.penetration = found.penetration.max(self.overlap(system, group, &motion, &point.inputs));
+            found.penetration = found.penetration.max(self.overlap(system, place, motion, &point.inputs));
             pressed += weight.abs();
             pulled += if force * weight < 0.0 { weight.abs() } else { 0.0 };
         }
@@ -75,10 +75,10 @@ impl ContactTerm {
     }
 
     /// How far the sides overlap beyond what the law of pressure takes for touching; zero for a law of none.
-    fn overlap(&self, system: &System, group: &Group, motion: &ImageMotion, inputs: &[f64]) -> f64 {
+    fn overlap(&self, system: &System, place: (&Group, usize), motion: &ImageMotion, inputs: &[f64]) -> f64 {
         let half = self.projections.iter().position(|p| p.acts && p.kind == ProjectionKind::HalfLine && p.n == 1);
         let Some(half) = half else { return 0.0 };
-        let touching = Self::at_touch(system, group, &self.law.law.inputs, inputs);
+        let touching = Self::at_touch(system, place, &self.law.law.inputs, inputs);
         let offset = self.outputs_of(&touching, self.law.uniforms())[self.projections[half].output];
         let slopes = self.slopes.at_point(&touching);
         let own = self.slopes.of_projection(half).filter(|(_, s)| s.slot.side == Side::Here);
@@ -90,24 +90,20 @@ impl ContactTerm {
     }
 
     /// By point the force of the term on the near side against its normal, and the weight.
-    fn forces_along(&self, system: &System, values: FieldValues<'_>, groups: &[Group]) -> Vec<(f64, f64)> {
+    fn forces_along(&self, system: &System, values: FieldValues<'_>, domain: &Domain) -> Vec<(f64, f64)> {
         let (term, dim) = (&system.terms[self.term], system.mesh.dim());
         let is_vector = |field: usize| system.fields.get(field).is_some_and(|f| f.n_components == dim);
         let tests: Vec<(usize, usize)> = (term.law.tests.iter().enumerate())
             .filter(|(_, t)| t.op == FieldOp::Value && t.side == Side::Here && is_vector(t.field.index()))
             .map(|(k, t)| (k, usize::from(t.entry)))
             .collect();
-        let mut groups = groups.iter();
+        let mut entities = domain.entities();
         let mut forces = Vec::new();
         term.for_each_flux(&system.mesh, values, |flux, weight| {
-            let normal = groups.next().and_then(|group| group.motion).map_or([0.0; 3], |motion| motion.normal);
+            let motion = entities.next().and_then(|(group, k)| group.motion(k));
+            let normal = motion.map_or([0.0; 3], |motion| motion.normal);
             forces.push((tests.iter().map(|(k, component)| flux[*k] * normal[*component]).sum(), weight));
         });
         forces
     }
-}
-
-/// Where the point of a group of one point is in the reference placement.
-fn position(mesh: &Mesh, group: &Group) -> [f64; 3] {
-    mesh.point_at(group.here.cells[0], &group.here.geometry, 0)
 }

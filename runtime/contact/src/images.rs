@@ -38,7 +38,7 @@ pub fn images(system: &System, contact: &Contact, u: &[f64]) -> Vec<Images> {
     let values = system.values_with(u, contact.active_set());
     let of = |term: &ContactTerm| {
         let sampled = term.sampled.at(&system.mesh, values.view().current);
-        let found: Vec<bool> = sampled.domain.groups.iter().map(|group| !group.has_lost_its_image()).collect();
+        let found: Vec<bool> = sampled.domain.entities().map(|(group, k)| !group.has_lost_its_image(k)).collect();
         let points = term.points_at(system, values.view());
         let follows = term.sampled.domain.moving.as_ref();
         let inside = follows.map(|follows| follows.are_inside(&system.mesh, values.view().current)).unwrap_or_default();

@@ -87,7 +87,7 @@ impl ContactTerm {
         for group in &domain.groups {
             for entity in 0..group.entities.len() {
                 for q in 0..group.n_points() {
-                    found.positions.push(mesh.point_at(group.here.cells[entity], &group.here.geometry, q));
+                    found.positions.push(group.position(mesh, entity, q));
                     found.normals.push(group.unit_normal(mesh, entity, q));
                 }
             }

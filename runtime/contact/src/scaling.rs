@@ -116,9 +116,10 @@ impl ContactTerm {
         let places = self.sampled.domain.places(&system.mesh);
         for (g, (group, places)) in self.sampled.domain.groups.iter().zip(&places).enumerate() {
             let n_points = group.n_points();
-            let stride = (places.n.div_ceil(LANES) * n_points).div_ceil(SLOPE_POINTS).max(1);
-            // a point of the first entity of a batch, as one rank alone has them
-            let first = |(k, place): (usize, &Option<usize>)| Some((k, place.filter(|p| p % LANES == 0)? / LANES));
+            // a point of the first entity of a batch, as one rank alone has them; any point that is an entity
+            let each = if group.own.is_some() { 1 } else { LANES };
+            let stride = (places.n.div_ceil(each) * n_points).div_ceil(SLOPE_POINTS).max(1);
+            let first = |(k, place): (usize, &Option<usize>)| Some((k, place.filter(|p| p % each == 0)? / each));
             for (entity, batch) in places.of.iter().enumerate().filter_map(first) {
                 let mut is_ready = false;
                 for q in (0..n_points).filter(|q| (batch * n_points + q) % stride == 0) {

@@ -24,7 +24,8 @@ impl SharedPoints {
             let key = group.key.iter().fold(0, |word, byte| word << 8 | u64::from(*byte));
             for k in 0..group.entities.len() {
                 let (counts, cell) = (group.is_counted(mesh, k), u64::from(mesh.cell_number(group.here.cells[k])));
-                for q in 0..group.n_points() as u64 {
+                for q in 0..group.n_points() {
+                    let q = group.here.row(k, q) as u64;
                     counted.push(counts);
                     // points of one entity may stand in several groups where images are found in other cells
                     names.push(if mesh.is_whole() { [0, names.len() as u64] } else { [key, cell << 16 | q] });

@@ -83,7 +83,7 @@ impl ContactTerm {
             }
             let normal = group.unit_normal(&system.mesh, k, q);
             let slip = across(relative(point, &here, &there), normal);
-            let position = || system.mesh.point_at(group.here.cells[k], &group.here.geometry, q);
+            let position = || group.position(&system.mesh, k, q);
             slid.add(weight, slip, extent(&system.mesh, group, k, slip), position);
         }
         slid.found(&system.terms[self.term].law.name, system)

@@ -7,7 +7,9 @@
 mod boxes;
 mod closest;
 mod edges;
+mod faces;
 mod moving;
+mod own;
 mod points;
 mod rays;
 mod shifts;
@@ -18,7 +20,9 @@ use std::{
 };
 
 pub use edges::Edge;
-pub use moving::{Follows, ImageMotion, MovingPoints};
+pub use moving::{Follows, MovingPoints};
+pub(crate) use own::table_of_each;
+pub use own::{ImageMotion, OwnPoints};
 pub use rays::ImageSearch;
 pub use shifts::ShiftCheck;
 use wfl_compiler::{ir::LANES, types::EntityGeometry};
@@ -88,6 +92,8 @@ pub struct GroupSide {
     /// Basis of the geometry at its own nodes, with first derivatives: for the size of the cells; of edges at the nodes of
     /// their faces, for the size of these.
     pub corners: Table,
+    /// By entity the row of the points and tables that is its own, where entities are points; else empty.
+    pub rows: Arc<[u32]>,
 }
 
 /// Which entities have the same reference points: kind and local facet of both sides, and how they are turned against each
@@ -105,6 +111,8 @@ pub struct Group {
     pub entities: Vec<usize>,
     /// No other rank has it: points that ranks with parts of the mesh have looked for together.
     pub is_own: bool,
+    /// What each entity has of its own, where entities are single points.
+    pub own: Option<OwnPoints>,
     /// Weights of the rule on the reference entity.
     pub weights: Vec<f64>,
     /// Points of the rule in the parameters of the facet; the reference points on cells.
@@ -126,10 +134,8 @@ pub struct Group {
     /// The neighbour, on interfaces and edges between faces; the cell of the images of a mapping.
     pub there: Option<GroupSide>,
     /// Outward normal of the reference facet of the images of a mapping, of the face across an edge; `None` for a neighbour,
-    /// whose normal is opposite, and for images without facets.
+    /// whose normal is opposite, and for images without facets. Where entities are points, that of the first one.
     pub there_normal: Option<[f64; 3]>,
-    /// How the image shifts, where it follows the bodies.
-    pub motion: Option<ImageMotion>,
 }
 
 impl Group {
@@ -139,16 +145,28 @@ impl Group {
         self.entities.len().div_ceil(LANES)
     }
 
-    /// True where the image of its point follows the bodies, and there is none.
+    /// How the image of an entity shifts, where it is a point whose image follows the bodies.
     #[must_use]
-    pub fn has_lost_its_image(&self) -> bool {
-        self.motion.is_some_and(|motion| motion.stand_in.is_some())
+    pub fn motion(&self, k: usize) -> Option<&ImageMotion> {
+        self.own.as_ref().and_then(|own| own.motions.get(k))
     }
 
-    /// Points of the rule.
+    /// True where an entity is a point whose image follows the bodies, and there is none.
+    #[must_use]
+    pub fn has_lost_its_image(&self, k: usize) -> bool {
+        self.motion(k).is_some_and(|motion| motion.stand_in.is_some())
+    }
+
+    /// Points of each entity.
     #[must_use]
     pub fn n_points(&self) -> usize {
-        self.weights.len()
+        if self.own.is_some() { 1 } else { self.weights.len() }
+    }
+
+    /// Position of point `q` of entity `k` in the reference placement (length).
+    #[must_use]
+    pub fn position(&self, mesh: &Mesh, k: usize, q: usize) -> [f64; 3] {
+        self.here.position(mesh, k, q)
     }
 
     /// Whether this rank counts an entity of the group: sums over all ranks have each once.
@@ -196,7 +214,12 @@ impl Group {
             }
             return area.normalize().into();
         }
-        let jacobian = mesh.jacobian_at(self.here.cells[k], &self.here.geometry, q);
+        self.normal_of_map(mesh, k, q)
+    }
+
+    /// That of the geometric map at the point itself.
+    fn normal_of_map(&self, mesh: &Mesh, k: usize, q: usize) -> [f64; 3] {
+        let jacobian = mesh.jacobian_at(self.here.cells[k], &self.here.geometry, self.here.row(k, q));
         let dim = mesh.dim();
         let m =
             nalgebra::Matrix3::from_fn(
@@ -266,10 +289,7 @@ impl Domain {
     /// Where the `point`th point of this domain is (length), zero if there is none.
     #[must_use]
     pub fn position(&self, mesh: &Mesh, point: usize) -> [f64; 3] {
-        self.place(point).map_or([0.0; 3], |(g, k, q)| {
-            let here = &self.groups[g].here;
-            mesh.point_at(here.cells[k], &here.geometry, q)
-        })
+        self.place(point).map_or([0.0; 3], |(g, k, q)| self.groups[g].position(mesh, k, q))
     }
 
     /// The domain of a region under a rule per entity kind (facet kinds on facets).
@@ -405,7 +425,7 @@ impl Domain {
                 // points by image cell and facet, in the order of the first ones
                 let mut parts: Vec<(Image, Vec<ImagePoint>)> = Vec::new();
                 for q in 0..group.n_points() {
-                    let x = mesh.point_at(group.here.cells[k], &group.here.geometry, q);
+                    let x = group.position(mesh, k, q);
                     let normal = group.tangents.map(|_| group.unit_normal(mesh, k, q));
                     let Some(image) = find(x, normal) else {
                         lost += 1;
@@ -437,6 +457,7 @@ fn part(mesh: &Mesh, group: &Group, k: usize, image: Image, points: &[ImagePoint
         key: group.key,
         is_own: group.is_own,
         entities: vec![group.entities[k]],
+        own: None,
         weights: points.iter().map(|(q, _)| group.weights[*q]).collect(),
         parameters: pick(&group.parameters),
         tangents: group.tangents,
@@ -448,7 +469,6 @@ fn part(mesh: &Mesh, group: &Group, k: usize, image: Image, points: &[ImagePoint
         here,
         there: Some(there),
         there_normal: image.facet.map(|f| kind.facet_normal(usize::from(f.local))),
-        motion: None,
     }
 }
 
@@ -459,7 +479,19 @@ impl GroupSide {
         let element = mesh.geometry_element(kind);
         let geometry = element.tabulate(&points, 2);
         let corners = element.tabulate(element.points(), 1);
-        Self { kind, cells: Vec::new(), facets: Vec::new(), points, geometry, corners }
+        Self { kind, cells: Vec::new(), facets: Vec::new(), points, geometry, corners, rows: Arc::default() }
+    }
+
+    /// The row of the points and tables that point `q` of entity `k` has.
+    #[must_use]
+    pub fn row(&self, k: usize, q: usize) -> usize {
+        self.rows.get(k).map_or(q, |row| *row as usize)
+    }
+
+    /// Position of point `q` of entity `k` in the reference placement (length).
+    #[must_use]
+    pub fn position(&self, mesh: &Mesh, k: usize, q: usize) -> [f64; 3] {
+        mesh.point_at(self.cells[k], &self.geometry, self.row(k, q))
     }
 
     /// The map of the local facet that all facets of the side are; that of the first one for a side of cells.
@@ -491,6 +523,7 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
                 key: numbers((kind, 0, CellKind::Point, 0, 0)),
                 is_own: false,
                 entities: Vec::new(),
+                own: None,
                 weights: rule.weights.clone(),
                 parameters: rule.points.clone(),
                 tangents: None,
@@ -502,7 +535,6 @@ fn cell_groups(mesh: &Mesh, cells: &[CellId], rule: &dyn Fn(CellKind) -> Rule) -
                 here: GroupSide::new(mesh, kind, rule.points),
                 there: None,
                 there_normal: None,
-                motion: None,
             }
         });
         group.entities.push(k);
@@ -534,6 +566,7 @@ fn facet_groups(
             key: numbers(key),
             is_own: false,
             entities: Vec::new(),
+            own: None,
             weights: rule.weights.clone(),
             parameters: rule.points.clone(),
             tangents: Some(kind.facet_map(local).tangents),
@@ -545,7 +578,6 @@ fn facet_groups(
             here: GroupSide::new(mesh, kind, facet_points(kind, local, &rule)),
             there: opposite.as_ref().map(|(there, points)| GroupSide::new(mesh, mesh.kind(there.cell), points.clone())),
             there_normal: None,
-            motion: None,
         });
         group.entities.push(k);
         group.here.cells.push(here.cell);

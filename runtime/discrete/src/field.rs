@@ -1,15 +1,17 @@
 //! Fields of a scene: a name, components, and nodes only where the field's region is.
 
+use std::sync::Arc;
+
 use thiserror::Error;
 use wfl_compiler::types::{FieldKind, Side};
 
 use crate::{
-    domain::Group,
+    domain::{Group, GroupSide, table_of_each},
     point_space::PointSpace,
     space::{Space, Support},
 };
 use wfl_mesh::{
-    element::Table,
+    element::{Element, Table},
     mesh::{CellId, FaceEdge, FacetRef, Mesh, RegionSet, Topology, direction},
 };
 
@@ -57,6 +59,12 @@ pub enum FieldError {
     },
 }
 
+/// The rows of numbers that all entities of a group share.
+fn one_row(group: &Group) -> Arc<[u32]> {
+    let n = if group.own.is_some() { group.entities.len() } else { 0 };
+    std::iter::repeat_n(0, n).collect()
+}
+
 /// Basis and nodes of a field on a group.
 #[derive(Clone, Debug, Default)]
 pub struct Tabulated {
@@ -67,6 +75,12 @@ pub struct Tabulated {
     pub tangents: Option<[[f64; 3]; 2]>,
     /// `nodes[entity * n_nodes + i]`
     pub nodes: Vec<u32>,
+    /// Where entities are points: by entity its row of the table; else empty.
+    pub rows: Arc<[u32]>,
+    /// By entity how many of its nodes are its own, the others stand in; empty where all are.
+    pub counts: Vec<u16>,
+    /// By entity the tangents, where they differ; else empty.
+    pub own_tangents: Vec<[[f64; 3]; 2]>,
 }
 
 impl Field {
@@ -213,14 +227,18 @@ impl Field {
         if let FieldSpace::Points(space) = &self.space {
             let found = if side == Side::Here && order == 0 { space.tabulate(mesh.dim(), group) } else { None };
             let (table, nodes) = found.ok_or_else(|| FieldError::OtherPoints { field: self.name.clone() })?;
-            return Ok(Tabulated { table, tangents: None, nodes });
+            return Ok(Tabulated { table, nodes, rows: one_row(group), ..Tabulated::default() });
         }
         let FieldSpace::Nodal(space) = &self.space else {
             let points = group.n_points();
             let table =
                 Table { n_points: points, n_dofs: 1, dim: mesh.dim(), values: vec![1.0; points], ..Table::default() };
-            return Ok(Tabulated { table, tangents: None, nodes: vec![0; n] });
+            return Ok(Tabulated { table, nodes: vec![0; n], rows: one_row(group), ..Tabulated::default() });
         };
+        if side == Side::There && group.own.is_some() {
+            return self.tabulate_images(mesh, group.side(side), space, order);
+        }
+        let rows = Arc::clone(&group.side(side).rows);
         let data = group.side(side);
         let edge = if side == Side::Here { group.edge } else { group.edge_there };
         let mut nodes = Vec::new();
@@ -244,7 +262,7 @@ impl Field {
         }
         let Some(element) = element else { return Ok(Tabulated { nodes, ..Tabulated::default() }) };
         if matches!(space.support(), Support::Cells(_)) {
-            return Ok(Tabulated { table: element.tabulate(&data.points, order), tangents: None, nodes });
+            return Ok(Tabulated { table: element.tabulate(&data.points, order), nodes, rows, ..Tabulated::default() });
         }
         // the points of the other side are those of this one in the parameters of its own facets
         let map = data.facet_map();
@@ -253,12 +271,59 @@ impl Field {
             Side::There => data.points.iter().map(|x| map.parameters(*x)).collect(),
         };
         let (Support::Edges(_), Some(edge)) = (space.support(), edge) else {
-            return Ok(Tabulated { table: element.tabulate(&parameters, order), tangents: Some(map.tangents), nodes });
+            let (table, tangents) = (element.tabulate(&parameters, order), Some(map.tangents));
+            return Ok(Tabulated { table, tangents, nodes, rows, ..Tabulated::default() });
         };
         let facet = data.facets.first().map_or(0, |facet| usize::from(facet.local));
         let of_edge = data.kind.facets()[facet].kind.facet_map(usize::from(edge.local));
         let parameters: Vec<[f64; 3]> = parameters.iter().map(|x| of_edge.parameters(*x)).collect();
         let tangents = [direction(data.kind, facet, usize::from(edge.local)), [0.0; 3]];
-        Ok(Tabulated { table: element.tabulate(&parameters, order), tangents: Some(tangents), nodes })
+        let (table, tangents) = (element.tabulate(&parameters, order), Some(tangents));
+        Ok(Tabulated { table, tangents, nodes, rows, ..Tabulated::default() })
+    }
+
+    /// The same for the images of points, each in a cell of its own.
+    fn tabulate_images(
+        &self,
+        mesh: &Mesh,
+        images: &GroupSide,
+        space: &Space,
+        order: usize,
+    ) -> Result<Tabulated, FieldError> {
+        let n = images.cells.len();
+        let place = |k: usize| match space.support() {
+            Support::Cells(_) => {
+                let position = space.position_of_cell(images.cells[k]);
+                position.map(|p| (space.element_at(p), space.entity_nodes(p)))
+            }
+            Support::Facets(_) => images.facets.get(k).and_then(|facet| space.on_facet(*facet)),
+            Support::Edges(_) => None,
+        };
+        let missing = |k: usize| {
+            let place = format!("cell {}", images.cells[k].index());
+            FieldError::NotHere { field: self.name.clone(), place }
+        };
+        let found: Vec<(&Element, &[u32])> =
+            (0..n).map(|k| place(k).ok_or_else(|| missing(k))).collect::<Result<_, _>>()?;
+        let width = found.iter().map(|(_, nodes)| nodes.len()).max().unwrap_or(0);
+        let mut nodes = Vec::with_capacity(n * width);
+        for (_, own) in &found {
+            nodes.extend_from_slice(own);
+            nodes.extend(std::iter::repeat_n(own[0], width - own.len()));
+        }
+        let counts: Vec<u16> = found.iter().map(|f| u16::try_from(f.1.len()).expect("few functions")).collect();
+        let are_all = counts.iter().all(|count| usize::from(*count) == width);
+        let counts = if are_all { Vec::new() } else { counts };
+        let rows = Arc::clone(&images.rows);
+        let element = |k: usize| found[k].0;
+        if matches!(space.support(), Support::Cells(_)) {
+            let table = table_of_each(n, element, |k| images.points[k], order);
+            return Ok(Tabulated { table, nodes, rows, counts, ..Tabulated::default() });
+        }
+        let map = |k: usize| mesh.kind(images.cells[k]).facet_map(usize::from(images.facets[k].local));
+        let table = table_of_each(n, element, |k| map(k).parameters(images.points[k]), order);
+        let own_tangents: Vec<[[f64; 3]; 2]> = (0..n).map(|k| map(k).tangents).collect();
+        let tangents = own_tangents.first().copied();
+        Ok(Tabulated { table, tangents, nodes, rows, counts, own_tangents })
     }
 }

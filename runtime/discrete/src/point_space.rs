@@ -33,12 +33,17 @@ impl PointSpace {
         let mut space = PointSpace::default();
         for group in &domain.groups {
             let rule = space.rules.len();
-            space.rules.push(group.parameters.clone());
+            if group.own.is_some() {
+                space.rules.extend(group.parameters.iter().map(|parameter| vec![*parameter]));
+            } else {
+                space.rules.push(group.parameters.clone());
+            }
             for k in 0..group.entities.len() {
                 let first = u32::try_from(space.coordinates.len()).expect("fewer than 2^32 integration points");
-                space.entities.entry(entity(group, k)).or_default().push((rule, first));
+                let own = if group.own.is_some() { group.here.row(k, 0) } else { 0 };
+                space.entities.entry(entity(group, k)).or_default().push((rule + own, first));
                 for q in 0..group.n_points() {
-                    space.coordinates.push(mesh.point_at(group.here.cells[k], &group.here.geometry, q));
+                    space.coordinates.push(group.position(mesh, k, q));
                 }
             }
         }
@@ -75,8 +80,8 @@ impl PointSpace {
         let n = group.n_points();
         let mut nodes = Vec::with_capacity(group.entities.len() * n);
         for k in 0..group.entities.len() {
-            for parameter in &group.parameters {
-                nodes.push(self.node_at(entity(group, k), parameter)?);
+            for q in 0..n {
+                nodes.push(self.node_at(entity(group, k), &group.parameters[group.here.row(k, q)])?);
             }
         }
         let values = (0..n * n).map(|p| if p % (n + 1) == 0 { 1.0 } else { 0.0 }).collect();

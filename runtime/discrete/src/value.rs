@@ -161,8 +161,7 @@ impl Value {
             }
         });
         let (g, entity, q, value) = first?;
-        let here = &sampled.domain.groups[g].here;
-        let [x, y, z] = mesh.point_at(here.cells[entity], &here.geometry, q);
+        let [x, y, z] = sampled.domain.groups[g].position(mesh, entity, q);
         let bound = Bound { mesh, domain: &sampled.domain, binding: &sampled.binding };
         let (mut workspace, n_in) = (Workspace::default(), self.law.inputs.len());
         workspace.prepare(bound, g, entity / LANES, values);
@@ -203,7 +202,7 @@ impl Value {
         let sampled = &sampled.at(mesh, values.current);
         let counts = |g: usize, k: usize| {
             let group = &sampled.domain.groups[g];
-            group.is_counted(mesh, k) && !group.has_lost_its_image()
+            group.is_counted(mesh, k) && !group.has_lost_its_image(k)
         };
         self.at_points(mesh, sampled, values, counts, |_, _, _, weight, value| f(weight, value));
     }

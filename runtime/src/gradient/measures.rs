@@ -478,8 +478,7 @@ fn places(
     let mut found: Vec<[f64; 3]> = Vec::new();
     for (value, sampled) in parts {
         value.at_step(values.step(step.0, step.1)).for_each_point(mesh, sampled, values, |g, entity, q, _, v| {
-            let here = &sampled.domain.groups[g].here;
-            let x = mesh.point_at(here.cells[entity], &here.geometry, q);
+            let x = sampled.domain.groups[g].position(mesh, entity, q);
             let is_known = |y: &[f64; 3]| (0..3).all(|d| (x[d] - y[d]).abs() <= NEAR * extent);
             if counts(v[0]) && found.len() < MOST_PLACES && !found.iter().any(is_known) {
                 found.push(x);

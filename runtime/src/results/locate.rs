@@ -127,6 +127,7 @@ fn cell_group(mesh: &Mesh, cell: CellId, points: Vec<[f64; 3]>) -> Group {
         key: [0; 5],
         is_own: !mesh.is_whole(),
         entities: vec![0],
+        own: None,
         weights: vec![1.0; points.len()],
         parameters: points,
         tangents: None,
@@ -138,6 +139,5 @@ fn cell_group(mesh: &Mesh, cell: CellId, points: Vec<[f64; 3]>) -> Group {
         here,
         there: None,
         there_normal: None,
-        motion: None,
     }
 }

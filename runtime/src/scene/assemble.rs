@@ -251,7 +251,7 @@ fn summary(placed: &PlacedLaw, choice: RuleChoice, why: String, domain: &Domain)
         symmetric: placed.law.symmetric,
         rule: choice,
         why,
-        n_points: domain.groups.iter().map(|g| g.weights.len()).max().unwrap_or(0),
+        n_points: domain.groups.iter().map(|g| g.n_points()).max().unwrap_or(0),
         instructions: (placed.law.residual.kernel().insts.len(), placed.law.tangent.kernel().insts.len()),
     }
 }

@@ -33,11 +33,10 @@ impl Printed {
         let sampled = self.sampled.at(&system.mesh, values.current);
         let domain = sampled.domain.clone();
         printed.for_each_point(&system.mesh, &sampled, values, |g, entity, q, _, value| {
-            if domain.groups[g].has_lost_its_image() {
+            if domain.groups[g].has_lost_its_image(entity) {
                 return;
             }
-            let here = &domain.groups[g].here;
-            f(system.mesh.point_at(here.cells[entity], &here.geometry, q), value);
+            f(domain.groups[g].position(&system.mesh, entity, q), value);
         });
     }
 }

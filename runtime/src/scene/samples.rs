@@ -197,8 +197,7 @@ impl Scene {
         value.for_each_point(mesh, &sampled, values.view(), |g, entity, q, weight, v| match &points {
             Some(points) => samples.values[points[g][q] * n..][..n].copy_from_slice(v),
             None => {
-                let here = &domain.groups[g].here;
-                samples.positions.push(mesh.point_at(here.cells[entity], &here.geometry, q));
+                samples.positions.push(domain.groups[g].position(mesh, entity, q));
                 samples.weights.push(weight);
                 samples.values.extend_from_slice(v);
             }

@@ -247,9 +247,10 @@ fn images_by_all_faces(system: &System, u: &[f64], points: &std::sync::Arc<Movin
     let [here, there]: [&Follows; 2] = points.follows();
     let targets: Vec<FacetRef> = points.targets().collect();
     let mut found_some = 0;
-    for group in &domain.groups {
-        let (cell, facet) = (group.here.cells[0], group.here.facets[0]);
-        let [x, n] = on_face(mesh, &here.space, facet, group.here.points[0], values[here.field]);
+    for (group, k) in domain.entities() {
+        let (cell, facet) = (group.here.cells[k], group.here.facets[k]);
+        let r = group.here.points[group.here.row(k, 0)];
+        let [x, n] = on_face(mesh, &here.space, facet, r, values[here.field]);
         let mut best: Option<(f64, FacetRef)> = None;
         let mut close_to_an_end = false;
         for target in targets.iter().filter(|t| t.cell != cell) {
@@ -284,11 +285,11 @@ fn images_by_all_faces(system: &System, u: &[f64], points: &std::sync::Arc<Movin
             // at an edge two faces have the image, at a border the first part of a face beyond it
             continue;
         }
-        let motion = group.motion.expect("images move");
+        let motion = group.motion(k).expect("images move");
         let image = if motion.stand_in.is_none() { Some(motion.gap) } else { None };
         let same = match (image, best) {
             (Some(gap), Some((g, facet))) => {
-                (gap - g).abs() < 1e-10 && group.there.as_ref().is_some_and(|side| side.facets[0] == facet)
+                (gap - g).abs() < 1e-10 && group.there.as_ref().is_some_and(|side| side.facets[k] == facet)
             }
             (None, None) => true,
             _ => false,
@@ -307,13 +308,14 @@ fn closest_of_all_faces(system: &System, u: &[f64], points: &std::sync::Arc<Movi
     let [here, there]: [&Follows; 2] = points.follows();
     let targets: Vec<FacetRef> = points.targets().collect();
     let mut found_some = 0;
-    for group in &domain.groups {
-        let [x, n] = on_face(mesh, &here.space, group.here.facets[0], group.here.points[0], values[here.field]);
+    for (group, k) in domain.entities() {
+        let r = group.here.points[group.here.row(k, 0)];
+        let [x, n] = on_face(mesh, &here.space, group.here.facets[k], r, values[here.field]);
         let away = |y: [f64; 2]| (y[0] - x[0]).hypot(y[1] - x[1]);
         // the distance, and how the face looks at the point
         let mut best: Option<[f64; 2]> = None;
         let mut is_doubtful = false;
-        for target in targets.iter().filter(|t| t.cell != group.here.cells[0]) {
+        for target in targets.iter().filter(|t| t.cell != group.here.cells[k]) {
             let map = mesh.kind(target.cell).facet_map(usize::from(target.local));
             let place = |p: f64| {
                 let r = map.apply([p, 0.0, 0.0]);
@@ -329,9 +331,9 @@ fn closest_of_all_faces(system: &System, u: &[f64], points: &std::sync::Arc<Movi
         if is_doubtful {
             continue;
         }
-        let is_there = group.motion.expect("images move").stand_in.is_none();
+        let is_there = group.motion(k).expect("images move").stand_in.is_none();
         let image = group.there.as_ref().filter(|_| is_there).map(|side| {
-            let [y, _] = on_face(mesh, &there.space, side.facets[0], side.points[0], values[there.field]);
+            let [y, _] = on_face(mesh, &there.space, side.facets[k], side.points[side.row(k, 0)], values[there.field]);
             away(y)
         });
         found_some += usize::from(image.is_some());

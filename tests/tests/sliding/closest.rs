@@ -80,8 +80,8 @@ fn forces_and_tangents_are_those_of_complex_steps() {
         };
         let u = spread(&numbers(&case["u"]));
         let points = system.terms.iter().find_map(|t| t.integrator.domain.moving.clone()).expect("a map");
-        for rank in points.at(&system.mesh, &system.slices(&u)).groups.iter().filter_map(|g| rank(g.motion?.shift, dim))
-        {
+        let domain = points.at(&system.mesh, &system.slices(&u));
+        for rank in domain.entities().filter_map(|(group, k)| rank(group.motion(k)?.shift, dim)) {
             ranks[rank] += 1;
         }
         let (forces, expected) = (contact_forces(system, &u), spread(&numbers(&case["forces"])));
@@ -252,10 +252,10 @@ fn a_force_along_the_normal_of_the_image_keeps_both_momenta() {
         // the face below goes on bulging, so that no image is on an edge of it
         let bends = |x: &[f64; 3]| -0.02 * (x[0] - 1.5).powi(2);
         below.iter().enumerate().for_each(|(node, x)| u[starts[1] + 3 * node + 2] += bends(x));
-        let groups = &points.at(&system.mesh, &system.slices(&u)).groups;
+        let domain = points.at(&system.mesh, &system.slices(&u));
         let is_on_a_face = |shift| rank(shift, 3) == Some(2);
-        let on_faces = groups.iter().filter(|g| g.motion.is_some_and(|m| is_on_a_face(m.shift))).count();
-        assert_eq!(on_faces, groups.len(), "{cells}, {element}");
+        let on_faces = domain.entities().filter(|(g, k)| g.motion(*k).is_some_and(|m| is_on_a_face(m.shift))).count();
+        assert_eq!(on_faces, points.n_points(), "{cells}, {element}");
         keeps_momenta(system, &u, 1e-12);
     }
 }
@@ -295,10 +295,11 @@ fn nearest_of_all(system: &System, u: &[f64], points: &std::sync::Arc<MovingPoin
         })
         .collect();
     let mut compared = 0;
-    for group in domain.groups.iter().filter(|group| !group.has_lost_its_image()) {
-        let x = position(mesh, &here.space, group.here.cells[0], group.here.points[0], values[here.field]);
+    for (group, k) in domain.entities().filter(|(group, k)| !group.has_lost_its_image(*k)) {
+        let r = group.here.points[group.here.row(k, 0)];
+        let x = position(mesh, &here.space, group.here.cells[k], r, values[here.field]);
         let side = group.there.as_ref().expect("an image");
-        let y = position(mesh, &there.space, side.cells[0], side.points[0], values[there.field]);
+        let y = position(mesh, &there.space, side.cells[k], side.points[side.row(k, 0)], values[there.field]);
         let own = distance(x, y);
         for (facet, p) in &lattice {
             let kind = mesh.kind(facet.cell);

@@ -5,6 +5,7 @@ mod campaign;
 mod closest;
 mod dynamics;
 mod judged;
+mod lanes;
 mod pattern;
 mod scenes;
 

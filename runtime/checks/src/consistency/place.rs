@@ -387,7 +387,7 @@ impl<'a> Place<'a> {
         workspace.prepare(Bound { mesh, domain, binding: &sampled.binding }, g, entity / LANES, values);
         let normal = workspace.normal_at_the_end(domain.dim, group, entity % LANES);
         let here = group.here.cells[entity];
-        let position = mesh.point_at(here, &group.here.geometry, group.n_points() - 1);
+        let position = group.position(mesh, entity, group.n_points() - 1);
         let there = group.there.as_ref().map(|t| t.cells[entity]);
         let facet = *group.here.facets.get(entity).ok_or("the term is not on faces")?;
         let finder = Finder { system, contact, values, cells: [Some(here), there], facet, normal, position };

@@ -12,9 +12,12 @@ use wfl_compiler::{
     types::{BasisSlot, FieldId, FieldOp, InputSlot, RateOrder, Side},
 };
 
-use crate::domain::{Domain, Group};
+use crate::domain::{Domain, Group, table_of_each};
 use crate::{
-    assemble::simd::Lanes,
+    assemble::{
+        lanes::{has_parts, in_lanes},
+        simd::Lanes,
+    },
     field::{Field, FieldError, FieldSpace},
 };
 use wfl_mesh::{
@@ -37,6 +40,12 @@ pub struct Basis {
     pub table: Table,
     /// Of a field on facets: derivatives of the reference point of the cell in those parameters.
     pub tangents: Option<[[f64; 3]; 2]>,
+    /// Where entities are points: by entity its row of the table; else empty.
+    pub rows: Arc<[u32]>,
+    /// By entity how many of its nodes are its own, the others stand in and have no function; empty where all are.
+    pub(super) counts: Vec<u16>,
+    /// By entity the tangents, where they differ; else empty.
+    pub(super) own_tangents: Vec<[[f64; 3]; 2]>,
     /// Highest derivative that a slot reads.
     pub order: usize,
     /// Node numbers: `nodes[entity * n_nodes + i]`.
@@ -61,6 +70,8 @@ struct Starts {
     hessians: usize,
     /// Gradients are the same at all points: linear functions on cells with an affine map.
     constant_gradients: bool,
+    /// Entities are points: all numbers are in the workspace, those of one point.
+    own: bool,
 }
 
 /// Basis functions under one operation: those of point `q` start at `start + q * step`.
@@ -90,15 +101,16 @@ impl Basis {
     pub(super) fn operand(&self, op: FieldOp, direction: usize, on_support: bool) -> Operand {
         let n = self.n_nodes;
         let derivatives = |start: usize| {
-            let start = start + direction * self.table.n_points * n;
+            let start = start + direction * self.n_points() * n;
             Operand { is_value: false, start, step: n, n }
         };
+        let is_value = !self.starts.own;
         match op {
             FieldOp::Value if on_support => {
                 let n = self.support.len();
-                Operand { is_value: true, start: self.starts.support, step: n, n }
+                Operand { is_value, start: self.starts.support, step: n, n }
             }
-            FieldOp::Value => Operand { is_value: true, start: self.starts.values, step: n, n },
+            FieldOp::Value => Operand { is_value, start: self.starts.values, step: n, n },
             FieldOp::Grad if self.starts.constant_gradients => {
                 Operand { is_value: false, start: self.starts.gradients + direction * n, step: 0, n }
             }
@@ -112,10 +124,24 @@ impl Basis {
         if on_support { self.support.iter().map(|i| usize::from(*i)).collect() } else { (0..self.n_nodes).collect() }
     }
 
+    /// Points of each entity.
+    pub(super) fn n_points(&self) -> usize {
+        if self.starts.own { 1 } else { self.table.n_points }
+    }
+
     /// Whether one of two functions, this one and that of another basis, is zero (to rounding) at each point.
     pub(super) fn is_apart(&self, function: usize, other: &Self, of_other: usize) -> bool {
         let is_zero = |of: &Self, q: usize, k: usize| of.table.values[q * of.n_nodes + k].abs() <= NO_VALUE;
+        if self.starts.own && (self.side == Side::There || other.side == Side::There) {
+            // other images have other rows
+            return false;
+        }
         (0..self.table.n_points).all(|q| is_zero(self, q, function) || is_zero(other, q, of_other))
+    }
+
+    /// How many of the nodes of an entity are its own.
+    pub(super) fn n_own_nodes(&self, entity: usize) -> usize {
+        self.counts.get(entity).map_or(self.n_nodes, |count| usize::from(*count))
     }
 
     /// Local dof of a component at a node.
@@ -167,7 +193,8 @@ pub(super) struct Functions {
     field: FieldId,
     side: Side,
     n: usize,
-    constant_gradients: bool,
+    start: usize,
+    order: usize,
     support: Vec<u16>,
 }
 
@@ -180,6 +207,8 @@ pub struct GroupBinding {
     pub(super) values: Vec<Lanes>,
     /// How many numbers a batch has for the derivatives of the basis functions.
     pub(super) n_derivatives: usize,
+    /// Of points with images: the geometry there with second derivatives, where a slot reads those of a field.
+    pub(super) bent: Option<Table>,
 }
 
 /// What evaluation has to make for a kernel and the contraction behind it.
@@ -212,6 +241,8 @@ pub struct Binding {
     pub needs: Needs,
     /// What binds the law again where the images of its points follow the bodies.
     moving: Option<Arc<Rebinding>>,
+    /// The same points as entities of their own, where a law is assembled on them.
+    pub(super) in_lanes: Option<Arc<Integrator>>,
 }
 
 /// A law on points whose images move, and where it was bound last.
@@ -253,6 +284,11 @@ impl Integrator {
         let made = Self { domain, binding: Arc::new(binding) };
         *last() = Some(made.clone());
         made
+    }
+
+    /// The same points as they are assembled: each an entity of its own where images stay in single cells.
+    pub(super) fn assembled(&self) -> Self {
+        self.binding.in_lanes.as_deref().unwrap_or(self).clone()
     }
 
     /// True where the images of the points follow the bodies.
@@ -299,6 +335,12 @@ impl Binding {
     /// [`FieldError`] when a field has no dofs on an entity of the domain.
     pub fn new(mesh: &Mesh, domain: &Domain, fields: &[Field], law: LawSlots<'_>) -> Result<Self, FieldError> {
         let mut made = Self::fixed(mesh, domain, fields, law, None)?;
+        let is_assembled = !law.tests.is_empty() && has_parts(domain);
+        let acting = || made.groups.iter().map(|group| group.acting(fields)).collect::<Vec<_>>();
+        if let Some(domain) = is_assembled.then(|| in_lanes(mesh, domain, &acting())).flatten() {
+            let binding = Arc::new(Self::fixed(mesh, &domain, fields, law, None)?);
+            made.in_lanes = Some(Arc::new(Integrator { domain: Arc::new(domain), binding }));
+        }
         made.moving = domain.moving.as_ref().map(|_| {
             Arc::new(Rebinding {
                 fields: fields.to_vec(),
@@ -364,11 +406,11 @@ impl Binding {
                 offset += basis.n_dofs();
                 bases.push(basis);
             }
-            groups.push(GroupBinding::new(mesh.dim(), group, bases));
+            groups.push(GroupBinding::new(mesh, group, bases));
         }
         let tests = law.tests.iter().map(place).collect();
         let trials = law.trials.iter().map(place).collect();
-        let mut binding = Self { inputs, tests, trials, groups, needs: Needs::default(), moving: None };
+        let mut binding = Self { inputs, tests, trials, groups, needs: Needs::default(), moving: None, in_lanes: None };
         binding.needs = binding.needs_of(pairs.len(), |_| true, true, true);
         Ok(binding)
     }
@@ -407,10 +449,14 @@ impl Binding {
 }
 
 impl GroupBinding {
-    fn new(dim: usize, group: &Group, mut bases: Vec<Basis>) -> Self {
-        let (mut values, mut n_derivatives) = (Vec::new(), 0);
+    fn new(mesh: &Mesh, group: &Group, mut bases: Vec<Basis>) -> Self {
+        let (dim, mut values, mut n_derivatives) = (mesh.dim(), Vec::new(), 0);
         for basis in &mut bases {
             let table = &basis.table;
+            if group.own.is_some() {
+                basis.starts = starts_of_point(dim, basis, &mut n_derivatives);
+                continue;
+            }
             basis.starts.values = values.len();
             values.extend(table.values.iter().map(|v| Lanes([*v; LANES])));
             basis.starts.support = values.len();
@@ -429,25 +475,69 @@ impl GroupBinding {
             basis.starts.hessians = n_derivatives;
             n_derivatives += if basis.order > 1 { dim * dim * n } else { 0 };
         }
-        Self { bases, values, n_derivatives }
+        let bent = bent(mesh, group, &bases);
+        Self { bases, values, n_derivatives, bent }
     }
 
-    /// By basis what the derivatives of a group of one point are made of: its field, side, functions and those that act.
+    /// By basis what the tangent of a group of points is made of: its field, side, functions, those that act, and their
+    /// places.
     pub(super) fn functions(&self) -> Vec<Functions> {
         let of = |b: &Basis| Functions {
             field: b.field,
             side: b.side,
             n: b.n_nodes,
-            constant_gradients: b.starts.constant_gradients,
+            start: b.starts.values,
+            order: b.order,
             support: b.support.clone(),
         };
         self.bases.iter().map(of).collect()
+    }
+
+    /// By field and side the functions that act; `None` where some act at some of the points alone.
+    fn acting(&self, fields: &[Field]) -> Option<Vec<Vec<u16>>> {
+        let is_nodal = |basis: &&Basis| !matches!(fields[basis.field.index()].space, FieldSpace::Points(_));
+        let of = |basis: &Basis| {
+            let mut rows = basis.table.values.chunks_exact(basis.n_nodes.max(1));
+            let act = |row: &[f64]| basis.support.iter().all(|i| row[usize::from(*i)].abs() > NO_VALUE);
+            rows.all(act).then(|| basis.support.clone())
+        };
+        self.bases.iter().filter(is_nodal).map(of).collect()
+    }
+
+    /// True where entities are points.
+    pub(super) fn is_of_points(&self) -> bool {
+        self.bases.iter().any(|basis| basis.starts.own)
     }
 
     /// Local dofs of an entity, all bases.
     #[must_use]
     pub fn n_dofs(&self) -> usize {
         self.bases.last().map_or(0, |b| b.offset + b.n_dofs())
+    }
+}
+
+/// The geometry of images with second derivatives, if a basis has some there.
+fn bent(mesh: &Mesh, group: &Group, bases: &[Basis]) -> Option<Table> {
+    let images = group.there.as_ref().filter(|_| group.own.is_some())?;
+    let reads = |basis: &Basis| basis.side == Side::There && basis.order > 1;
+    let element = |k: usize| mesh.geometry_element(mesh.kind(images.cells[k]));
+    bases.iter().any(reads).then(|| table_of_each(images.cells.len(), element, |k| images.points[k], 2))
+}
+
+/// Where the numbers of a basis start, of entities that are points; all of them are in the workspace.
+fn starts_of_point(dim: usize, basis: &Basis, end: &mut usize) -> Starts {
+    let mut take = |size: usize| {
+        *end += size;
+        *end - size
+    };
+    let n = basis.n_nodes;
+    Starts {
+        values: take(n),
+        support: take(basis.support.len()),
+        gradients: take(if basis.order > 0 { dim * n } else { 0 }),
+        hessians: take(if basis.order > 1 { dim * dim * n } else { 0 }),
+        constant_gradients: false,
+        own: true,
     }
 }
 
@@ -474,6 +564,9 @@ fn basis(
         n_nodes,
         table: tabulated.table,
         tangents: tabulated.tangents,
+        rows: tabulated.rows,
+        counts: tabulated.counts,
+        own_tangents: tabulated.own_tangents,
         order,
         nodes: tabulated.nodes,
         offset,

@@ -11,7 +11,7 @@ use pulp::{Simd, WithSimd};
 use wfl_compiler::{ir::LANES, types::FieldOp};
 
 use crate::assemble::{
-    binding::{Binding, GroupBinding, Operand, SlotPlace},
+    binding::{Basis, Binding, GroupBinding, Operand, SlotPlace},
     block::{Block, Product, Row, TILE},
     entries::{Coefficient, Entries},
     evaluate::Workspace,
@@ -79,7 +79,7 @@ impl TangentPlan {
                 plan.add_block(binding, group, entries, row, column);
             }
         }
-        let n_points = group.bases.first().map_or(0, |basis| basis.table.n_points);
+        let n_points = group.bases.first().map_or(0, Basis::n_points);
         (plan.integrals, plan.n_integrals) = integrals::share(&mut plan.blocks, entries, n_points);
         plan
     }
@@ -169,7 +169,7 @@ impl TangentPlan {
                 }
             }
         }
-        let n_points = of_columns.table.n_points;
+        let n_points = of_columns.n_points();
         self.flux = self.flux.max(rows.len() * n_points * n_trials);
         self.blocks.push(Block { rows, n_tests, n_trials, start: self.n_local, is_triangle, sum: Vec::new() });
         self.n_local += n_tests * n_trials;

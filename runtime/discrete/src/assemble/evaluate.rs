@@ -13,10 +13,10 @@ use wfl_compiler::{
 use crate::assemble::{
     binding::{Binding, GroupBinding, Input, Needs, Operand},
     branches::BranchCounts,
-    geometry::{PointGeometry, element_size, gather_nodes, length, make_unit},
+    geometry::{OwnRows, PointGeometry, Row, element_size, gather_nodes, length, make_unit},
     simd::{Lanes, ZERO, load, parts, plus_product, store},
 };
-use crate::domain::{Domain, Group};
+use crate::domain::{Domain, Group, ImageMotion};
 use crate::rates::{RateFactors, Rates, StepAt};
 use wfl_mesh::mesh::Mesh;
 
@@ -56,6 +56,8 @@ pub struct Workspace {
     areas: Vec<[Lanes; 3]>,
     /// Sizes of the cells here and there, if the law reads them.
     sizes: [Lanes; 2],
+    /// Rows of the tables of entities that are points: of the geometry here and there, and of a basis.
+    own: [OwnRows; 3],
     current: Vec<Lanes>,
     previous: Vec<Lanes>,
     histories: [Vec<Lanes>; 2],
@@ -119,6 +121,7 @@ impl Workspace {
             binding,
             needs,
             dim: bound.domain.dim,
+            entities: std::array::from_fn(|l| (batch * LANES + l).min(group.entities.len() - 1)),
         });
     }
 
@@ -209,6 +212,8 @@ struct Points<'a> {
     binding: &'a GroupBinding,
     needs: &'a Needs,
     dim: usize,
+    /// By lane.
+    entities: [usize; LANES],
 }
 
 impl WithSimd for Points<'_> {
@@ -227,12 +232,15 @@ impl WithSimd for Points<'_> {
 impl Points<'_> {
     #[inline(always)]
     fn all<S: Simd, const D: usize>(&mut self, simd: S) {
+        if self.group.own.is_some() {
+            return self.own_points::<S, D>(simd);
+        }
         let mut measure = ZERO;
         self.node_areas::<S, D>(simd);
         for q in 0..self.group.n_points() {
             let (group, w) = (self.group, &mut *self.workspace);
             if q == 0 || !group.here.is_affine() {
-                w.here.evaluate::<S, D>(simd, &group.here.geometry, q, &w.nodes_here);
+                w.here.evaluate::<S, D, f64>(simd, Row::of(&group.here.geometry, q), &w.nodes_here);
                 w.here.measure(D, group, &mut measure);
             }
             if let Some(area) = w.areas.get(q) {
@@ -243,19 +251,90 @@ impl Points<'_> {
             if let Some(there) = &group.there
                 && (q == 0 || !there.is_affine())
             {
-                w.there.evaluate::<S, D>(simd, &there.geometry, q, &w.nodes_there);
+                w.there.evaluate::<S, D, f64>(simd, Row::of(&there.geometry, q), &w.nodes_there);
             }
             if self.needs.position {
-                w.here.locate::<S, D>(simd, &group.here.geometry, q, &w.nodes_here);
+                w.here.locate::<S, D, f64>(simd, Row::of(&group.here.geometry, q), &w.nodes_here);
             }
             if let Some(there) = group.there.as_ref().filter(|_| self.needs.image) {
-                w.there.locate::<S, D>(simd, &there.geometry, q, &w.nodes_there);
+                w.there.locate::<S, D, f64>(simd, Row::of(&there.geometry, q), &w.nodes_there);
             }
             for l in 0..LANES {
                 w.weights[q][l] = measure[l] * group.weights[q];
             }
             self.derivatives::<S, D>(simd, q);
             self.fill_inputs::<S, D>(simd, q);
+        }
+    }
+
+    /// The same where entities are points: a point of each lane, with its own row of every table.
+    #[inline(always)]
+    fn own_points<S: Simd, const D: usize>(&mut self, simd: S) {
+        let (group, w) = (self.group, &mut *self.workspace);
+        let Some(of_points) = &group.own else { return };
+        let [here, there, _] = &mut w.own;
+        let order = |side: Side| {
+            let orders = self.binding.bases.iter().zip(&self.needs.orders).filter(|(basis, _)| basis.side == side);
+            orders.map(|(_, order)| *order).max().unwrap_or(0).max(1)
+        };
+        here.gather(&group.here.geometry, self.entities.map(|k| group.here.row(k, 0)), order(Side::Here));
+        w.here.evaluate::<S, D, Lanes>(simd, here.row(), &w.nodes_here);
+        if self.needs.position {
+            w.here.locate::<S, D, Lanes>(simd, here.row(), &w.nodes_here);
+        }
+        if let Some(images) = &group.there {
+            let table = self.binding.bent.as_ref().unwrap_or(&images.geometry);
+            there.gather(table, self.entities.map(|k| images.row(k, 0)), order(Side::There));
+            w.there.evaluate::<S, D, Lanes>(simd, there.row(), &w.nodes_there);
+            if self.needs.image {
+                w.there.locate::<S, D, Lanes>(simd, there.row(), &w.nodes_there);
+            }
+        }
+        let mut measure = ZERO;
+        w.here.measure(D, group, &mut measure);
+        for l in 0..LANES {
+            w.weights[0][l] = measure[l] * of_points.weights[self.entities[l]];
+        }
+        self.own_functions::<S, D>(simd);
+        self.fill_inputs::<S, D>(simd, 0);
+    }
+
+    /// Values and physical derivatives of the basis functions, of one point in each lane.
+    #[inline(always)]
+    fn own_functions<S: Simd, const D: usize>(&mut self, simd: S) {
+        let (group, w) = (self.group, &mut *self.workspace);
+        for (basis, order) in self.binding.bases.iter().zip(&self.needs.orders) {
+            let [here, there, own] = &mut w.own;
+            own.gather(&basis.table, self.entities.map(|k| basis.rows[k] as usize), *order);
+            let row = own.row();
+            let values = basis.operand(FieldOp::Value, 0, false).start;
+            w.derivatives[values..][..row.values.len()].copy_from_slice(row.values);
+            let on_support = basis.operand(FieldOp::Value, 0, true);
+            for (slot, k) in w.derivatives[on_support.start..][..on_support.n].iter_mut().zip(&basis.support) {
+                *slot = row.values[usize::from(*k)];
+            }
+            if *order == 0 {
+                continue;
+            }
+            let is_there = basis.side == Side::There && group.there.is_some();
+            let (geometry, of_map, nodes) =
+                if is_there { (&w.there, there, &w.nodes_there) } else { (&w.here, here, &w.nodes_here) };
+            let (from, stride) = (basis.operand(FieldOp::Grad, 0, false).start, basis.n_nodes);
+            if let Some(tangents) = &basis.tangents {
+                let own = |t: usize, d: usize| {
+                    Lanes(self.entities.map(|k| basis.own_tangents.get(k).unwrap_or(tangents)[t][d]))
+                };
+                let tangents = [0, 1].map(|t| [0, 1, 2].map(|d| own(t, d)));
+                let out = &mut w.derivatives[from..];
+                geometry.surface_gradients(D, &tangents, row.gradients, basis.n_nodes, out, stride);
+                continue;
+            }
+            geometry.gradients::<S, D, Lanes>(simd, row, &mut w.derivatives[from..], stride);
+            if *order > 1 {
+                let hessians = basis.operand(FieldOp::Hess, 0, false).start;
+                let (before, after) = w.derivatives.split_at_mut(hessians);
+                geometry.hessians(D, row, of_map.row(), nodes, &before[from..], after, stride);
+            }
         }
     }
 
@@ -286,15 +365,17 @@ impl Points<'_> {
             let stride = basis.operand(FieldOp::Grad, 1, false).start - first.start;
             let from = first.start + q * first.step;
             if let Some(tangents) = &basis.tangents {
-                geometry.surface_gradients(D, tangents, &basis.table, q, &mut w.derivatives[from..], stride);
+                let (table, out) = (&basis.table, &mut w.derivatives[from..]);
+                geometry.surface_gradients(D, tangents, Row::of(table, q).gradients, table.n_dofs, out, stride);
                 continue;
             }
-            geometry.gradients::<S, D>(simd, &basis.table, q, &mut w.derivatives[from..], stride);
+            let row = Row::of(&basis.table, q);
+            geometry.gradients::<S, D, f64>(simd, row, &mut w.derivatives[from..], stride);
             if *order > 1 {
                 let hessians = basis.operand(FieldOp::Hess, 0, false);
                 let (before, after) = w.derivatives.split_at_mut(hessians.start);
                 let out = &mut after[q * hessians.step..];
-                geometry.hessians(D, &basis.table, table, nodes, q, &before[from..], out, stride);
+                geometry.hessians(D, row, Row::of(table, q), nodes, &before[from..], out, stride);
             }
         }
     }
@@ -302,7 +383,7 @@ impl Points<'_> {
     #[inline(always)]
     fn fill_inputs<S: Simd, const D: usize>(&mut self, simd: S, q: usize) {
         let n = self.inputs.len();
-        let mut normal: Option<[Lanes; 3]> = None;
+        let (mut normal, mut image_normal): (Option<[Lanes; 3]>, Option<[Lanes; 3]>) = (None, None);
         for (slot, (input, wanted)) in self.inputs.iter().zip(&self.needs.inputs).enumerate() {
             if !wanted {
                 continue;
@@ -322,9 +403,7 @@ impl Points<'_> {
                     self.field(simd, operand, q, values, basis.n_components, place.component)
                 }
                 Input::Geometry(InputSlot::Normal(Side::There, k)) if self.group.there_normal.is_some() => {
-                    let mut n = [ZERO; 3];
-                    w.there.normal(D, self.group.there_normal.unwrap_or_default(), &mut n);
-                    n[usize::from(*k)]
+                    image_normal.get_or_insert_with(|| self.image_normal(D))[usize::from(*k)]
                 }
                 Input::Geometry(InputSlot::Normal(side, k)) => {
                     let n = normal.get_or_insert_with(|| {
@@ -360,18 +439,41 @@ impl Points<'_> {
         }
     }
 
+    /// How images shift, by lane.
+    #[inline(always)]
+    fn motions(&self) -> [Option<&ImageMotion>; LANES] {
+        self.entities.map(|k| self.group.motion(k))
+    }
+
+    /// The outward unit normal of the faces that images lie on.
+    fn image_normal(&self, dim: usize) -> [Lanes; 3] {
+        let mut normal = [ZERO; 3];
+        let own = self.group.own.as_ref().map(|own| &own.there_normals);
+        match own.filter(|normals| !normals.is_empty()) {
+            Some(normals) => {
+                let of = |d: usize| Lanes(self.entities.map(|k| normals[k][d]));
+                self.workspace.there.normal(dim, [of(0), of(1), of(2)], &mut normal);
+            }
+            None => self.workspace.there.normal(dim, self.group.there_normal.unwrap_or_default(), &mut normal),
+        }
+        normal
+    }
+
     fn geometry(&self, dim: usize, slot: InputSlot) -> Lanes {
         let w = &*self.workspace;
         let two_sided = self.group.there.is_some();
         let of = |side: Side| if side == Side::There && two_sided { &w.there } else { &w.here };
         match slot {
             InputSlot::X(k) => w.here.x[usize::from(k)],
-            InputSlot::ImageX(k) => match self.group.motion.and_then(|motion| motion.stand_in) {
-                Some(place) => Lanes([place[usize::from(k)]; LANES]),
-                None => of(Side::There).x[usize::from(k)],
-            },
-            InputSlot::ImageShift(e) => Lanes([self.group.motion.map_or(0.0, |m| m.shift[usize::from(e)]); LANES]),
-            InputSlot::ImageSlope(e) => Lanes([self.group.motion.map_or(0.0, |m| m.slope[usize::from(e)]); LANES]),
+            InputSlot::ImageX(k) => {
+                let mut x = of(Side::There).x[usize::from(k)];
+                for (x, motion) in x.0.iter_mut().zip(self.motions()) {
+                    *x = motion.and_then(|motion| motion.stand_in).map_or(*x, |place| place[usize::from(k)]);
+                }
+                x
+            }
+            InputSlot::ImageShift(e) => Lanes(self.motions().map(|m| m.map_or(0.0, |m| m.shift[usize::from(e)]))),
+            InputSlot::ImageSlope(e) => Lanes(self.motions().map(|m| m.map_or(0.0, |m| m.slope[usize::from(e)]))),
             InputSlot::ElementSize(side) => w.sizes[usize::from(side == Side::There && two_sided)],
             // entry i + dim * j of K = dx_i/dxi_j; of B = K^-T, so B_ij = inverse_ji
             InputSlot::ElementK(side, e) => of(side).jacobian[usize::from(e) % dim][usize::from(e) / dim],

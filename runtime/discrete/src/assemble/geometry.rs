@@ -12,11 +12,99 @@ use crate::{
 };
 use wfl_mesh::{element::Table, mesh::Mesh};
 
+/// A number of a table, the same in all lanes or one for each.
+pub(super) trait Entry: Copy {
+    /// In one lane.
+    fn at(&self, lane: usize) -> f64;
+    /// Part `p` of a vector.
+    fn part<S: Simd>(&self, simd: S, p: usize) -> S::f64s;
+}
+
+impl Entry for f64 {
+    #[inline(always)]
+    fn at(&self, _: usize) -> f64 {
+        *self
+    }
+
+    #[inline(always)]
+    fn part<S: Simd>(&self, simd: S, _: usize) -> S::f64s {
+        simd.splat_f64s(*self)
+    }
+}
+
+impl Entry for Lanes {
+    #[inline(always)]
+    fn at(&self, lane: usize) -> f64 {
+        self[lane]
+    }
+
+    #[inline(always)]
+    fn part<S: Simd>(&self, _: S, p: usize) -> S::f64s {
+        load::<S>(self, p)
+    }
+}
+
+/// Functions at a point of each lane, as a [`Table`] has them at one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row<'a, N> {
+    /// By function.
+    pub(super) values: &'a [N],
+    /// `[function][direction]`
+    pub(super) gradients: &'a [N],
+    /// `[function][direction][direction]`
+    pub(super) hessians: &'a [N],
+}
+
+impl<'a> Row<'a, f64> {
+    /// A row of a table, the same in all lanes.
+    #[inline(always)]
+    pub(super) fn of(table: &'a Table, q: usize) -> Self {
+        fn part(all: &[f64], q: usize, n: usize) -> &[f64] {
+            all.get(q * n..(q + 1) * n).unwrap_or_default()
+        }
+        let (n, dim) = (table.n_dofs, table.dim);
+        Self {
+            values: part(&table.values, q, n),
+            gradients: part(&table.gradients, q, n * dim),
+            hessians: part(&table.hessians, q, n * dim * dim),
+        }
+    }
+}
+
+/// Rows of a table, one for each lane, side by side.
+#[derive(Clone, Debug, Default)]
+pub(super) struct OwnRows {
+    values: Vec<Lanes>,
+    gradients: Vec<Lanes>,
+    hessians: Vec<Lanes>,
+}
+
+impl OwnRows {
+    /// Gathers rows with derivatives up to `order`.
+    pub(super) fn gather(&mut self, table: &Table, rows: [usize; LANES], order: usize) {
+        let (n, dim) = (table.n_dofs, table.dim);
+        let sizes = [n, n * dim, n * dim * dim];
+        let lists = [(&mut self.values, &table.values), (&mut self.gradients, &table.gradients)];
+        for (k, (out, all)) in lists.into_iter().chain([(&mut self.hessians, &table.hessians)]).enumerate() {
+            out.clear();
+            if k > order || all.is_empty() {
+                continue;
+            }
+            let of_lanes: [&[f64]; LANES] = rows.map(|row| &all[row * sizes[k]..][..sizes[k]]);
+            out.extend((0..sizes[k]).map(|at| Lanes(of_lanes.map(|own| own[at]))));
+        }
+    }
+
+    pub(super) fn row(&self) -> Row<'_, Lanes> {
+        Row { values: &self.values, gradients: &self.gradients, hessians: &self.hessians }
+    }
+}
+
 /// `out += s * a`, lane by lane.
 #[inline(always)]
-fn add_scaled(out: &mut Lanes, s: f64, a: &Lanes) {
+fn add_scaled(out: &mut Lanes, s: impl Entry, a: &Lanes) {
     for l in 0..LANES {
-        out[l] += s * a[l];
+        out[l] += s.at(l) * a[l];
     }
 }
 
@@ -36,15 +124,16 @@ pub(super) fn make_unit(dim: usize, vectors: &mut [Lanes; 3]) {
     }
 }
 
-/// Node coordinates of a batch: `nodes[node][direction]`. Lanes past the last entity repeat it.
+/// Node coordinates of a batch: `nodes[node][direction]`. Lanes past the last entity repeat it; nodes past the last one of a
+/// cell too.
 pub(super) fn gather_nodes(mesh: &Mesh, side: &GroupSide, batch: usize, nodes: &mut Vec<[Lanes; 3]>) {
     let first = batch * LANES;
     let last = side.cells.len() - 1;
     let n = side.geometry.n_dofs;
     nodes.resize(n, [ZERO; 3]);
-    let cells: [_; LANES] = std::array::from_fn(|l| &mesh.cell_nodes(side.cells[(first + l).min(last)])[..n]);
+    let cells: [_; LANES] = std::array::from_fn(|l| mesh.cell_nodes(side.cells[(first + l).min(last)]));
     for (k, slot) in nodes.iter_mut().enumerate() {
-        let points = cells.map(|cell| mesh.node(cell[k]));
+        let points = cells.map(|cell| mesh.node(cell[k.min(cell.len() - 1)]));
         *slot = std::array::from_fn(|d| Lanes(points.map(|x| x[d])));
     }
 }
@@ -69,18 +158,21 @@ impl Default for PointGeometry {
 }
 
 impl PointGeometry {
-    /// Evaluates the derivatives of the map at point `q` of the geometry table.
+    /// Evaluates the derivatives of the map at a point.
     #[inline(always)]
-    pub(super) fn evaluate<S: Simd, const D: usize>(&mut self, simd: S, table: &Table, q: usize, nodes: &[[Lanes; 3]]) {
-        let n = table.n_dofs;
-        let gradients = &table.gradients[q * n * D..][..n * D];
+    pub(super) fn evaluate<S: Simd, const D: usize, N: Entry>(
+        &mut self,
+        simd: S,
+        at: Row<'_, N>,
+        nodes: &[[Lanes; 3]],
+    ) {
         for p in 0..parts::<S>() {
             let mut jacobian = [[simd.splat_f64s(0.0); D]; D];
-            for (node, gradient) in nodes.iter().zip(gradients.chunks_exact(D)) {
+            for (node, gradient) in nodes.iter().zip(at.gradients.chunks_exact(D)) {
                 for i in 0..D {
                     let x = load::<S>(&node[i], p);
                     for j in 0..D {
-                        jacobian[i][j] = plus_product(simd, jacobian[i][j], simd.splat_f64s(gradient[j]), x);
+                        jacobian[i][j] = plus_product(simd, jacobian[i][j], gradient[j].part(simd, p), x);
                     }
                 }
             }
@@ -93,15 +185,14 @@ impl PointGeometry {
         }
     }
 
-    /// Position of point `q` of the geometry table.
+    /// Position of a point.
     #[inline(always)]
-    pub(super) fn locate<S: Simd, const D: usize>(&mut self, simd: S, table: &Table, q: usize, nodes: &[[Lanes; 3]]) {
-        let values = &table.values[q * table.n_dofs..][..table.n_dofs];
+    pub(super) fn locate<S: Simd, const D: usize, N: Entry>(&mut self, simd: S, at: Row<'_, N>, nodes: &[[Lanes; 3]]) {
         for p in 0..parts::<S>() {
             for i in 0..D {
                 let mut sum = simd.splat_f64s(0.0);
-                for (node, value) in nodes.iter().zip(values) {
-                    sum = plus_product(simd, sum, simd.splat_f64s(*value), load::<S>(&node[i], p));
+                for (node, value) in nodes.iter().zip(at.values) {
+                    sum = plus_product(simd, sum, value.part(simd, p), load::<S>(&node[i], p));
                 }
                 store::<S>(&mut self.x[i], p, sum);
             }
@@ -177,7 +268,7 @@ impl PointGeometry {
     }
 
     /// The derivatives of the position in the parameters of a face.
-    fn images(&self, dim: usize, tangents: &[[f64; 3]; 2]) -> [[Lanes; 3]; 2] {
+    fn images<N: Entry>(&self, dim: usize, tangents: &[[N; 3]; 2]) -> [[Lanes; 3]; 2] {
         let mut images = [[ZERO; 3]; 2];
         for (image, tangent) in images.iter_mut().zip(tangents) {
             for i in 0..dim {
@@ -201,7 +292,7 @@ impl PointGeometry {
     ) {
         out.fill([ZERO; 3]);
         for g in 0..of.geometry.n_points {
-            self.evaluate::<S, 3>(simd, &of.geometry, g, nodes);
+            self.evaluate::<S, 3, f64>(simd, Row::of(&of.geometry, g), nodes);
             let [a, b] = &self.images(3, tangents);
             for (q, area) in out.iter_mut().enumerate() {
                 let share = of.of_point(q)[g];
@@ -215,7 +306,7 @@ impl PointGeometry {
     }
 
     /// The outward unit normal: the reference normal times the inverse Jacobian, normalised.
-    pub(super) fn normal(&self, dim: usize, reference: [f64; 3], out: &mut [Lanes; 3]) {
+    pub(super) fn normal<N: Entry>(&self, dim: usize, reference: [N; 3], out: &mut [Lanes; 3]) {
         *out = [ZERO; 3];
         for i in 0..dim {
             for j in 0..dim {
@@ -238,24 +329,20 @@ impl PointGeometry {
     }
 
     /// The vectors along a face whose products with the derivatives of the position in its parameters are one and zero.
-    fn duals(&self, dim: usize, tangents: &[[f64; 3]; 2]) -> [[Lanes; 3]; 2] {
+    fn duals<N: Entry>(&self, dim: usize, tangents: &[[N; 3]; 2]) -> [[Lanes; 3]; 2] {
         let images = self.images(dim, tangents);
         if dim == 3 { dual_of_two(&images) } else { [dual_of_one(&images[0]), [ZERO; 3]] }
     }
 
-    /// Physical gradients of the basis functions at point `q` of a table: derivative `i` of function `k` is written to
-    /// `out[i * stride + k]`.
+    /// Physical gradients of basis functions: derivative `i` of function `k` is written to `out[i * stride + k]`.
     #[inline(always)]
-    pub(super) fn gradients<S: Simd, const D: usize>(
+    pub(super) fn gradients<S: Simd, const D: usize, N: Entry>(
         &self,
         simd: S,
-        table: &Table,
-        q: usize,
+        at: Row<'_, N>,
         out: &mut [Lanes],
         stride: usize,
     ) {
-        let n = table.n_dofs;
-        let reference = &table.gradients[q * n * D..][..n * D];
         for p in 0..parts::<S>() {
             let mut inverse = [[simd.splat_f64s(0.0); D]; D];
             for (row, from) in inverse.iter_mut().zip(&self.inverse) {
@@ -263,11 +350,11 @@ impl PointGeometry {
                     *entry = load::<S>(from, p);
                 }
             }
-            for (k, gradient) in reference.chunks_exact(D).enumerate() {
+            for (k, gradient) in at.gradients.chunks_exact(D).enumerate() {
                 for i in 0..D {
                     let mut sum = simd.splat_f64s(0.0);
                     for j in 0..D {
-                        sum = plus_product(simd, sum, simd.splat_f64s(gradient[j]), inverse[j][i]);
+                        sum = plus_product(simd, sum, gradient[j].part(simd, p), inverse[j][i]);
                     }
                     store::<S>(&mut out[i * stride + k], p, sum);
                 }
@@ -276,23 +363,22 @@ impl PointGeometry {
     }
 
     /// Gradients along a facet of basis functions in its parameters s: grad p = T (T'T)^-1 dp/ds with T = dx/ds, which is
-    /// exact on curved facets, too. Derivative `i` of function `k` is written to `out[i * stride + k]`.
-    pub(super) fn surface_gradients(
+    /// exact on curved facets, too. Derivative `i` of function `k` of `n` is written to `out[i * stride + k]`.
+    pub(super) fn surface_gradients<N: Entry>(
         &self,
         dim: usize,
-        tangents: &[[f64; 3]; 2],
-        table: &Table,
-        q: usize,
+        tangents: &[[N; 3]; 2],
+        slopes: &[N],
+        n: usize,
         out: &mut [Lanes],
         stride: usize,
     ) {
         let dual = self.duals(dim, tangents);
-        let (n, along) = (table.n_dofs, table.dim);
+        let along = slopes.len() / n.max(1);
         for k in 0..n {
-            let slopes = &table.gradients[(q * n + k) * along..][..along];
             for i in 0..dim {
                 let mut sum = ZERO;
-                for (slope, direction) in slopes.iter().zip(&dual) {
+                for (slope, direction) in slopes[k * along..][..along].iter().zip(&dual) {
                     add_scaled(&mut sum, *slope, &direction[i]);
                 }
                 out[i * stride + k] = sum;
@@ -300,24 +386,22 @@ impl PointGeometry {
         }
     }
 
-    /// Physical second derivatives at point `q`: of function `k` in directions `i, j` to
-    /// `out[(i + dim * j) * stride + k]`. With G the physical gradients (`gradients[i * stride + k]`) and x the map,
-    /// H = inverse' (H_ref - sum_k G_k d2 x_k) inverse.
+    /// Physical second derivatives: of function `k` in directions `i, j` to `out[(i + dim * j) * stride + k]`. With G the
+    /// physical gradients (`gradients[i * stride + k]`) and x the map, H = inverse' (H_ref - sum_k G_k d2 x_k) inverse;
+    /// `reference` are the functions, `geometry` those of the map.
     #[expect(clippy::too_many_arguments, reason = "two tables at one point")]
-    pub(super) fn hessians(
+    pub(super) fn hessians<N: Entry>(
         &self,
         dim: usize,
-        table: &Table,
-        geometry: &Table,
+        reference: Row<'_, N>,
+        geometry: Row<'_, N>,
         nodes: &[[Lanes; 3]],
-        q: usize,
         gradients: &[Lanes],
         out: &mut [Lanes],
         stride: usize,
     ) {
         let mut curvature = [[[ZERO; 3]; 3]; 3];
-        for (k, node) in nodes.iter().enumerate() {
-            let h = &geometry.hessians[(q * geometry.n_dofs + k) * dim * dim..][..dim * dim];
+        for (node, h) in nodes.iter().zip(geometry.hessians.chunks_exact(dim * dim)) {
             for i in 0..dim {
                 for a in 0..dim {
                     for b in 0..dim {
@@ -326,12 +410,11 @@ impl PointGeometry {
                 }
             }
         }
-        for k in 0..table.n_dofs {
-            let h = &table.hessians[(q * table.n_dofs + k) * dim * dim..][..dim * dim];
+        for (k, h) in reference.hessians.chunks_exact(dim * dim).enumerate() {
             let mut inner = [[ZERO; 3]; 3];
             for a in 0..dim {
                 for b in 0..dim {
-                    inner[a][b] = Lanes([h[a * dim + b]; LANES]);
+                    inner[a][b] = Lanes(std::array::from_fn(|l| h[a * dim + b].at(l)));
                     for i in 0..dim {
                         for l in 0..LANES {
                             inner[a][b][l] -= gradients[i * stride + k][l] * curvature[i][a][b][l];

@@ -11,6 +11,7 @@ mod entries;
 mod evaluate;
 mod geometry;
 mod integrals;
+mod lanes;
 mod rows;
 mod scatter;
 mod shared;

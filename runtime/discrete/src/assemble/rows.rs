@@ -54,21 +54,39 @@ struct Clears {
 pub(super) struct Rows {
     /// Ends of the ranges, and their owners.
     ends: Vec<(usize, u16)>,
+    /// Threads.
+    n: usize,
+    /// By thread; empty where nothing is cleared.
     clears: Vec<Clears>,
 }
 
 impl Rows {
-    /// `free` maps dofs to rows of the pattern.
-    pub(super) fn new(pattern: &Pattern, free: &[u32], shares: &Shares, touched: &Touched<'_>) -> Self {
+    /// `free` maps dofs to rows of the pattern. To clear the matrix takes more than to add to it.
+    pub(super) fn new(
+        pattern: &Pattern,
+        free: &[u32],
+        shares: &Shares,
+        touched: &Touched<'_>,
+        with_clears: bool,
+    ) -> Self {
         let n = shares.duties.len();
+        if n == 1 && !with_clears {
+            return Self { ends: Vec::new(), n, clears: Vec::new() };
+        }
         let mut dof_of = vec![NONE; pattern.n_rows()];
         for (dof, row) in (0u32..).zip(free).filter(|(_, row)| **row != NONE) {
             dof_of[*row as usize] = dof;
         }
         let owner = |row: usize| shares.owner.get(dof_of[row] as usize).copied().filter(|o| usize::from(*o) < n);
         let (ends, owners) = stretches(pattern.row_starts(), owner);
-        let clears = (0..n).map(|me| Clears::new(pattern, free, me, &owners, shares, touched)).collect();
-        Self { ends, clears }
+        let clearing = if with_clears { n } else { 0 };
+        let clears = (0..clearing).map(|me| Clears::new(pattern, free, me, &owners, shares, touched)).collect();
+        Self { ends, n, clears }
+    }
+
+    /// Whether the matrix can be cleared.
+    pub(super) fn can_clear(&self) -> bool {
+        !self.clears.is_empty()
     }
 
     /// Clears what thread `me` adds to for the first time in its batch `duty`; with the number of its batches, the
@@ -85,11 +103,11 @@ impl Rows {
 
     /// Calls `work(thread, its values)` for every thread, each on a thread of the current pool.
     pub(super) fn share_out(&self, matrix: &mut [f64], work: impl Fn(usize, &mut Own<'_, '_>) + Sync) {
-        if self.clears.len() == 1 {
+        if self.n == 1 {
             let mut all = [Stretch { start: 0, values: matrix }];
             return work(0, &mut Own { stretches: &mut all, last: 0 });
         }
-        let mut parts: Vec<Vec<Stretch<'_>>> = self.clears.iter().map(|_| Vec::new()).collect();
+        let mut parts: Vec<Vec<Stretch<'_>>> = (0..self.n).map(|_| Vec::new()).collect();
         let (mut rest, mut start) = (matrix, 0);
         for (end, owner) in &self.ends {
             let (values, others) = rest.split_at_mut(end - start);

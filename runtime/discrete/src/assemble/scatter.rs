@@ -98,6 +98,12 @@ pub(super) struct Scatter {
     lists: Vec<u32>,
     /// `[list][source]`: place in the matrix, or [`NONE`]
     places: Vec<u32>,
+    /// Entities of which the pattern lacks some places.
+    lacking: Vec<usize>,
+    /// Entities are points, and several of them may have the same places.
+    of_points: bool,
+    /// By entity whether its dofs are those of the one before; empty unless entities are points.
+    repeats: Vec<bool>,
 }
 
 impl Scatter {
@@ -106,7 +112,7 @@ impl Scatter {
     pub(super) fn new(binding: &GroupBinding, sources: &[u32], zero: usize) -> Self {
         let n = binding.n_dofs();
         let zero = u32::try_from(zero).expect("small local matrices");
-        let mut out = Self::default();
+        let mut out = Self { of_points: binding.is_of_points(), ..Self::default() };
         let mut known: BTreeMap<(usize, usize), usize> = BTreeMap::new();
         for (node, dof) in nodes_and_dofs(binding) {
             let row = &sources[dof * n..][..n];
@@ -162,16 +168,18 @@ impl Scatter {
     }
 
     /// Finds all places in a pattern. `dofs[entity * n_dofs + k]` are global, `free` maps them to rows and columns of the
-    /// pattern; rows that `owns` refuses are those of another rank. False if the pattern lacks some.
+    /// pattern; rows that `owns` refuses are those of another rank. Of some entities the pattern may lack places. `known` are
+    /// places of a group like this one in the same pattern, by the same rows, with its dofs.
     pub(super) fn locate(
         &mut self,
         n_dofs: usize,
         dofs: &[u32],
-        pattern: &Pattern,
-        free: &[u32],
+        on: (&Pattern, &[u32]),
         owns: impl Fn(u32) -> bool,
-    ) -> bool {
-        let mut is_complete = true;
+        known: Option<(&Self, &[u32])>,
+    ) {
+        let (pattern, free) = on;
+        self.lacking.clear();
         let entities = dofs.len() / n_dofs.max(1);
         self.row_starts.clear();
         self.offsets.clear();
@@ -180,9 +188,20 @@ impl Scatter {
         self.row_starts.reserve_exact(entities * self.rows.len());
         self.offsets.reserve_exact(entities * self.pairs.len());
         self.lists.reserve_exact(entities);
+        self.repeats.clear();
+        if self.of_points {
+            let all = || dofs.chunks_exact(n_dofs.max(1));
+            self.repeats.extend(std::iter::once(false).chain(all().zip(all().skip(1)).map(|(a, b)| a == b)));
+        }
         let (mut places, mut rows) = (vec![NONE; n_dofs], vec![NONE; n_dofs]);
         let mut offsets: Vec<Option<u16>> = Vec::new();
-        for dofs in dofs.chunks_exact(n_dofs.max(1)) {
+        for (entity, dofs) in dofs.chunks_exact(n_dofs.max(1)).enumerate() {
+            let is_same = |(_, all): &(&Self, &[u32])| all.get(entity * n_dofs..(entity + 1) * n_dofs) == Some(dofs);
+            let is_whole = |(known, _): &(&Self, &[u32])| known.lacking.binary_search(&entity).is_err();
+            if let Some((known, _)) = known.filter(is_same).filter(is_whole) {
+                self.copy_places(known, entity);
+                continue;
+            }
             for ((place, row), dof) in places.iter_mut().zip(&mut rows).zip(dofs) {
                 *place = if *dof == NONE { NONE } else { free[*dof as usize] };
                 *row = if *dof != NONE && owns(*dof) { *place } else { NONE };
@@ -196,11 +215,44 @@ impl Scatter {
                 self.lists.push(NONE);
             } else {
                 self.lists.push(u32::try_from(self.places.len() / self.sources.len().max(1)).expect("few entities"));
-                is_complete &= self.list(at, pattern);
+                if !self.list(at, pattern) {
+                    self.lacking.push(entity);
+                }
             }
             self.offsets.extend(offsets.iter().map(|o| o.unwrap_or(0)));
         }
-        is_complete
+    }
+
+    /// The entities of which the pattern lacks some places, in their order.
+    pub(super) fn lacking(&self) -> &[usize] {
+        &self.lacking
+    }
+
+    /// Takes over the places of an entity that is complete there.
+    fn copy_places(&mut self, known: &Self, entity: usize) {
+        let (rows, pairs, n) = (self.rows.len(), self.pairs.len(), self.sources.len());
+        self.row_starts.extend_from_slice(&known.row_starts[entity * rows..][..rows]);
+        self.offsets.extend_from_slice(&known.offsets[entity * pairs..][..pairs]);
+        let list = known.lists[entity];
+        if list == NONE {
+            return self.lists.push(NONE);
+        }
+        self.lists.push(u32::try_from(self.places.len() / n.max(1)).expect("few entities"));
+        self.places.extend_from_slice(&known.places[list as usize * n..][..n]);
+    }
+
+    /// The same entries without places.
+    pub(super) fn without_places(&self) -> Self {
+        Self {
+            rows: self.rows.clone(),
+            segments: self.segments.clone(),
+            runs: self.runs.clone(),
+            blocks: self.blocks.clone(),
+            pairs: self.pairs.clone(),
+            sources: self.sources.clone(),
+            of_points: self.of_points,
+            ..Self::default()
+        }
     }
 
     /// One offset a pair for an entity; `None` if there is none that fits all its rows.
@@ -263,20 +315,28 @@ impl Scatter {
 
     /// Adds the entities of a batch whose places are listed.
     fn add_all_listed(&self, entities: Range<usize>, local: &[Lanes], own: &mut Own<'_, '_>) {
-        for (lane, entity) in entities.enumerate().filter(|(_, entity)| self.lists[*entity] != NONE) {
-            self.add_listed(entity, local, lane, own);
+        let is_first = |lane: &usize| *lane == 0 || !self.is_repeated(entities.start + lane);
+        for lane in (0..entities.len()).filter(is_first) {
+            let entity = entities.start + lane;
+            if self.lists[entity] != NONE {
+                let end = (lane + 1..entities.len()).find(is_first).unwrap_or(entities.len());
+                self.add_listed(entity, local, lane..end, own);
+            }
         }
     }
 
-    /// Adds an entity whose places are listed.
-    fn add_listed(&self, entity: usize, local: &[Lanes], lane: usize, own: &mut Own<'_, '_>) {
+    /// Adds an entity whose places are listed, with the points behind it that have the same ones.
+    fn add_listed(&self, entity: usize, local: &[Lanes], lanes: Range<usize>, own: &mut Own<'_, '_>) {
         let places = &self.places[self.lists[entity] as usize * self.sources.len()..][..self.sources.len()];
         let starts = &self.row_starts[entity * self.rows.len()..][..self.rows.len()];
         for (row, start) in self.rows.iter().zip(starts) {
             let Some(cells) = own.from(*start as usize) else { continue };
             let entries = places[row.entries.clone()].iter().zip(&self.sources[row.entries.clone()]);
             for (place, source) in entries.filter(|(place, _)| **place != NONE) {
-                cells[(place - start) as usize] += local[*source as usize][lane];
+                // in the order of `join`
+                let all = &local[*source as usize][lanes.clone()];
+                let sum = all.iter().rev().copied().reduce(|sum, number| number + sum);
+                cells[(place - start) as usize] += sum.unwrap_or(0.0);
             }
         }
     }
@@ -302,6 +362,7 @@ impl WithSimd for Adding<'_, '_, '_> {
             for (number, source) in numbers.iter_mut().zip(&scatter.sources[block.entries.clone()]) {
                 *number = local[*source as usize];
             }
+            scatter.join(entities.clone(), numbers);
             match block.n {
                 1 => scatter.add_block::<1>(entities.clone(), block, numbers, own),
                 2 => scatter.add_block::<2>(entities.clone(), block, numbers, own),
@@ -312,6 +373,32 @@ impl WithSimd for Adding<'_, '_, '_> {
 }
 
 impl Scatter {
+    /// Whether the dofs of an entity are those of the one before.
+    #[inline(always)]
+    fn is_repeated(&self, entity: usize) -> bool {
+        self.repeats.get(entity).is_some_and(|is| *is)
+    }
+
+    /// Adds up what points with the same places have, in the lane of the first of them.
+    #[inline(always)]
+    fn join(&self, entities: Range<usize>, numbers: &mut [Lanes]) {
+        if self.repeats.is_empty() {
+            return;
+        }
+        let is_here = |lane: usize| lane > 0 && lane < entities.len() && self.is_repeated(entities.start + lane);
+        let repeats: [bool; LANES] = std::array::from_fn(is_here);
+        if !repeats.contains(&true) {
+            return;
+        }
+        for number in numbers {
+            let mut sum = number[LANES - 1];
+            for lane in (1..LANES).rev() {
+                sum = if repeats[lane] { number[lane - 1] + sum } else { number[lane - 1] };
+                number[lane - 1] = sum;
+            }
+        }
+    }
+
     /// Adds a block of runs with segments of `N` components for the entities whose places are not listed.
     #[inline(always)]
     fn add_block<const N: usize>(
@@ -325,7 +412,7 @@ impl Scatter {
         let runs = &self.runs[block.runs.clone()];
         let numbers = numbers.as_chunks::<N>().0;
         for (entity, lane) in entities.zip(0..LANES) {
-            if self.lists[entity] != NONE {
+            if self.lists[entity] != NONE || (lane > 0 && self.is_repeated(entity)) {
                 continue;
             }
             let starts = &self.row_starts[entity * n_rows..][..n_rows];

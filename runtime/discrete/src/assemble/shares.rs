@@ -59,6 +59,10 @@ impl Shares {
         share: Option<&Share>,
         n: usize,
     ) -> Self {
+        let size = touched.dofs.iter().flatten().filter(|d| **d != NONE).max().map_or(0, |d| *d as usize + 1);
+        if let (1, None) = (n, share) {
+            return Self::of_one(domain, size);
+        }
         let is_own = |d: u32| share.is_none_or(|share| share.owns(d as usize));
         let counted = |g: usize, batch: usize| {
             let group = &domain.groups[g];
@@ -70,7 +74,6 @@ impl Shares {
         let batches: Vec<(usize, usize)> =
             all.filter(|(g, b)| touched.dofs(*g, *b).any(is_own) || counted(*g, *b) != 0).collect();
         let home = homes(domain, binding, &batches, n);
-        let size = touched.dofs.iter().flatten().filter(|d| **d != NONE).max().map_or(0, |d| *d as usize + 1);
         let mut owner = vec![NOBODY; size];
         for ((g, batch), home) in batches.iter().zip(&home) {
             touched.dofs(*g, *batch).for_each(|d| owner[d as usize] = owner[d as usize].min(*home));
@@ -96,6 +99,20 @@ impl Shares {
             }
         }
         Self { owner, duties }
+    }
+}
+
+impl Shares {
+    /// All batches for one thread, with dofs below `size`.
+    fn of_one(domain: &Domain, size: usize) -> Self {
+        let batches =
+            domain.groups.iter().enumerate().flat_map(|(g, group)| (0..group.n_batches()).map(move |b| (g, b)));
+        let duty = |(group, batch): (usize, usize)| {
+            let lanes = domain.groups[group].entities.len() - batch * LANES;
+            let counts = u8::MAX >> LANES.saturating_sub(lanes);
+            Duty { group, batch, all_rows: true, counts }
+        };
+        Self { owner: vec![0; size], duties: vec![batches.map(duty).collect()] }
     }
 }
 

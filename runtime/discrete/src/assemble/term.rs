@@ -88,6 +88,8 @@ pub struct AssembledTerm {
     pub law: Arc<TermLaw>,
     /// Where, and what it reads.
     pub integrator: Integrator,
+    /// The same as it is assembled.
+    assembled: Integrator,
     /// The entities, in the order of the domain; `None` on cells and on `global`.
     pub place: Option<Arc<SupportSet>>,
     residual: Arc<dyn PointKernel>,
@@ -120,9 +122,10 @@ fn local_dofs(binding: &GroupBinding, n_entities: usize, starts: &[Option<usize>
     for entity in 0..n_entities {
         for basis in &binding.bases {
             let start = starts[basis.field.index()];
-            for node in &basis.nodes[entity * basis.n_nodes..][..basis.n_nodes] {
+            let n_own = basis.n_own_nodes(entity);
+            for (k, node) in basis.nodes[entity * basis.n_nodes..][..basis.n_nodes].iter().enumerate() {
                 for c in 0..basis.n_components {
-                    dofs.push(match start {
+                    dofs.push(match start.filter(|_| k < n_own) {
                         Some(s) => {
                             u32::try_from(s + *node as usize * basis.n_components + c).expect("fewer than 2^32 dofs")
                         }
@@ -148,9 +151,10 @@ impl AssembledTerm {
         starts: &[Option<usize>],
     ) -> Self {
         let law = law.into();
-        let groups = integrator.binding.groups.iter().zip(&integrator.domain.groups);
+        let assembled = integrator.assembled();
+        let groups = assembled.binding.groups.iter().zip(&assembled.domain.groups);
         let dofs = groups.map(|(binding, group)| local_dofs(binding, group.entities.len(), starts)).collect();
-        let binding = &integrator.binding;
+        let binding = &assembled.binding;
         let entries = Entries::new(&law);
         let n_bases = binding.n_bases();
         let kernel = law.residual.kernel();
@@ -169,6 +173,7 @@ impl AssembledTerm {
             plans: Arc::new(plans),
             law,
             integrator,
+            assembled,
             place: place.map(Arc::new),
             residual: residual.into(),
             tangent: tangent.map(Arc::from),
@@ -236,7 +241,7 @@ impl AssembledTerm {
         self.share_out(mesh, share, |workspace, duties, owns| {
             for duty in duties {
                 self.local_tangents(mesh, values, workspace, duty);
-                let n = self.integrator.binding.groups[duty.group].n_dofs();
+                let n = self.assembled.binding.groups[duty.group].n_dofs();
                 let sources = &self.plans[duty.group].sources;
                 for (lane, entity) in self.entities(duty).enumerate() {
                     for (k, dof) in self.dofs[duty.group][entity * n..][..n].iter().enumerate() {
@@ -263,7 +268,7 @@ impl AssembledTerm {
             return self.for_each_possible(&mut f);
         }
         let (mut rows, mut columns) = (Vec::new(), Vec::new());
-        for (g, binding) in self.integrator.binding.groups.iter().enumerate() {
+        for (g, binding) in self.assembled.binding.groups.iter().enumerate() {
             let n = binding.n_dofs();
             let coupled = self.plans[g].coupled(binding);
             for dofs in self.dofs[g].chunks_exact(n.max(1)) {
@@ -291,7 +296,7 @@ impl AssembledTerm {
         self.forget_images();
         self.scatters = Arc::default();
         if self.moving.is_none() {
-            let _ = self.place();
+            let _ = self.place(None);
         }
     }
 
@@ -412,7 +417,7 @@ impl AssembledTerm {
         out: &[AtomicU64],
         owns: &impl Fn(u32) -> bool,
     ) -> bool {
-        let (g, binding) = (duty.group, &self.integrator.binding);
+        let (g, binding) = (duty.group, &self.assembled.binding);
         let n_out = self.law.residual.kernel().outputs.len();
         workspace.prepare_some(self.bound(mesh), g, duty.batch, values, &self.residual_needs);
         self.call(&*self.residual, workspace, g, n_out);
@@ -506,22 +511,27 @@ impl AssembledTerm {
         if let Some(kernel) = &self.tangent {
             self.call(&**kernel, workspace, g, self.entries.n_outputs);
         }
-        let (group, binding) = (&self.integrator.domain.groups[g], &self.integrator.binding.groups[g]);
+        let (group, binding) = (&self.assembled.domain.groups[g], &self.assembled.binding.groups[g]);
         contract::tangent(workspace, &self.plans[g], &self.entries, group, binding, &self.uniforms)
     }
 
     /// Entities of a batch.
     fn entities(&self, duty: &Duty) -> std::ops::Range<usize> {
-        let total = self.integrator.domain.groups[duty.group].entities.len();
+        let total = self.assembled.domain.groups[duty.group].entities.len();
         duty.batch * LANES..((duty.batch + 1) * LANES).min(total)
     }
 
     fn bound<'a>(&'a self, mesh: &'a Mesh) -> Bound<'a> {
+        Bound { mesh, domain: &self.assembled.domain, binding: &self.assembled.binding }
+    }
+
+    /// At the points in their order.
+    fn bound_in_order<'a>(&'a self, mesh: &'a Mesh) -> Bound<'a> {
         Bound { mesh, domain: &self.integrator.domain, binding: &self.integrator.binding }
     }
 
     fn call(&self, kernel: &dyn PointKernel, workspace: &mut Workspace, g: usize, n_out: usize) {
-        let n_points = self.integrator.domain.groups[g].n_points();
+        let n_points = self.assembled.domain.groups[g].n_points();
         workspace.outputs.resize(n_points * n_out * LANES, 0.0);
         kernel.run(&self.uniforms, &workspace.inputs, &mut workspace.outputs, n_points);
     }
@@ -537,7 +547,7 @@ impl AssembledTerm {
     ) {
         let n_out = self.law.residual.kernel().outputs.len();
         let first = self.law.tests.len();
-        let group = &self.integrator.domain.groups[duty.group];
+        let group = &self.assembled.domain.groups[duty.group];
         let contact = self.contact_kink();
         for (lane, entity) in self.entities(duty).enumerate().filter(|(lane, _)| duty.counts >> lane & 1 == 1) {
             let place = group.entities[entity];
@@ -545,6 +555,8 @@ impl AssembledTerm {
             let name = if mesh.is_whole() { place } else { group.name(mesh, entity) };
             let mut state = 0u64;
             for q in 0..group.n_points() {
+                // of points that are entities the number in their rule
+                let point = group.here.row(entity, q);
                 for (k, counts) in branches.kinks.iter_mut().enumerate() {
                     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "codes are 0, 1 or 2")]
                     let code = (workspace.output(n_out, q, first + k)[lane] as usize).min(2);
@@ -552,7 +564,7 @@ impl AssembledTerm {
                     if contact == Some(k) {
                         state += 1 << (16 * code);
                     }
-                    branches.fingerprint = branches.fingerprint.wrapping_add(mixed(name, q, k, code));
+                    branches.fingerprint = branches.fingerprint.wrapping_add(mixed(name, point, k, code));
                 }
             }
             if contact.is_some() {

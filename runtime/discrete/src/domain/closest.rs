@@ -9,8 +9,9 @@
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use super::{
-    boxes::{Bounds, Boxes},
-    rays::{ALIKE, CLOSED, FAR, FOUND, Hit, ITERATIONS, Place, Ray, SETTLED, Tables, Target, Targets, inside, samples},
+    boxes::Bounds,
+    faces::{FaceNode, FacePoint},
+    rays::{ALIKE, CLOSED, Current, FAR, FOUND, Hit, ITERATIONS, Ray, SETTLED, Targets, inside, samples},
 };
 use wfl_mesh::mesh::{CellKind, Mesh};
 
@@ -38,7 +39,7 @@ struct Foot {
 
 /// A face at a place with what the distance from a point is made of there.
 struct Near {
-    place: Place,
+    at: FacePoint,
     /// Current tangents along the part.
     tangents: [Vector3<f64>; 2],
     /// From the face to the point.
@@ -105,15 +106,16 @@ fn definite_inverse(m: &Matrix2<f64>, dim: usize) -> Option<Matrix2<f64>> {
 
 impl Targets {
     /// The closest point of all faces that oppose the normal of a point.
-    pub(super) fn closest(&self, mesh: &Mesh, u: &[f64], boxes: &Boxes, ray: &Ray) -> Option<Hit> {
+    pub(super) fn closest(&self, mesh: &Mesh, current: &Current, ray: &Ray) -> Option<Hit> {
+        let (dim, nodes) = (mesh.dim(), current.nodes.as_slice());
         let mut best: Option<(Foot, usize)> = None;
         let alike = |distance: f64| ALIKE * (ray.x.amax() + distance);
-        self.tree.nearest(boxes, |bounds| distance(&ray.x, bounds), &mut |face| {
-            let (k, target) = (face as usize, &self.list[face as usize]);
-            if target.facet.cell != ray.cell
-                && let Some(foot) = self.foot(mesh, target, u, ray)
+        self.tree.nearest(&current.boxes, |bounds| distance(&ray.x, bounds), &mut |face| {
+            let k = face as usize;
+            if self.list[k].facet.cell != ray.cell
+                && let Some(foot) = self.foot(k, nodes, ray)
                 && foot.distance <= self.reach
-                && self.opposes(mesh, target, u, &foot, ray)
+                && self.opposes(dim, k, nodes, &foot, ray)
             {
                 let is_nearer = best.is_none_or(|(least, first)| {
                     let margin = alike(least.distance);
@@ -128,35 +130,33 @@ impl Targets {
             bound + alike(bound)
         });
         let (foot, k) = best?;
-        let target = &self.list[k];
-        let tables = self.tables(mesh, target, foot.p, 2);
-        let near = self.near(mesh, target, u, &foot.part, &tables, ray.x);
-        let reference = foot.part.combine(near.place.reference);
+        let near = self.near(k, nodes, &foot.part, foot.p, ray.x);
+        let rest = self.faces.at_rest(k, foot.p);
+        let reference = foot.part.combine(rest.tangents);
         let inverse = definite_inverse(&near.hessian, foot.part.dim)?;
         let mut c = Matrix3::zeros();
         for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             c += reference[a] * reference[b].transpose() * inverse[(a, b)];
         }
-        let outward = near.place.outward?.try_normalize(0.0)?;
-        let hit = self.hit_at(mesh, target, &tables, &near.place, foot.p, &c)?;
+        let outward = near.at.outward(dim)?;
+        let hit = self.hit_at(mesh, k, &rest, foot.p, &c)?;
         Some(Hit { gap: near.from.dot(&outward), rank: foot.part.dim, ..hit })
     }
 
     /// Whether a face opposes the normal of a point at its closest point, and lies no further behind the point than it may.
-    fn opposes(&self, mesh: &Mesh, target: &Target, u: &[f64], foot: &Foot, ray: &Ray) -> bool {
-        let at = self.place(mesh, target, u, &self.tables(mesh, target, foot.p, 1));
-        at.outward.is_some_and(|outward| outward.dot(&ray.n) < OPPOSED * outward.norm())
-            && (ray.x - at.y).dot(&ray.n) <= ray.back
+    fn opposes(&self, dim: usize, face: usize, nodes: &[FaceNode], foot: &Foot, ray: &Ray) -> bool {
+        let at = self.faces.at(nodes, face, foot.p, false);
+        at.outward(dim).is_some_and(|outward| outward.dot(&ray.n) < OPPOSED) && (ray.x - at.y).dot(&ray.n) <= ray.back
     }
 
     /// The closest point of a face. Its edges are looked at where the face itself has none, or one further away than some
     /// other of its points.
-    fn foot(&self, mesh: &Mesh, target: &Target, u: &[f64], ray: &Ray) -> Option<Foot> {
-        let kind = mesh.facet_kind(target.facet);
+    fn foot(&self, face: usize, nodes: &[FaceNode], ray: &Ray) -> Option<Foot> {
+        let kind = self.faces.kind(face);
         let mut sampled = f64::INFINITY;
         let mut nearest = kind.reference_centre();
         for p in samples(kind) {
-            let y = self.position(mesh, target, u, &self.tables(mesh, target, p, 0));
+            let y = self.faces.at(nodes, face, p, false).y;
             if (ray.x - y).norm() < sampled {
                 (sampled, nearest) = ((ray.x - y).norm(), p);
             }
@@ -164,7 +164,7 @@ impl Targets {
         let mut best: Option<Foot> = None;
         for parts in parts(kind) {
             for part in parts {
-                let found = self.foot_on(mesh, target, u, &part, ray.x, nearest);
+                let found = self.foot_on(face, nodes, &part, ray.x, nearest);
                 best = match (best, found) {
                     (Some(a), Some(b)) if b.distance < a.distance - ALIKE * (ray.x.amax() + a.distance) => Some(b),
                     (None, found) => found,
@@ -179,21 +179,13 @@ impl Targets {
     }
 
     /// The closest point of a part of a face; `None` where there is none between its ends.
-    fn foot_on(
-        &self,
-        mesh: &Mesh,
-        target: &Target,
-        u: &[f64],
-        part: &Part,
-        x: Vector3<f64>,
-        from: [f64; 3],
-    ) -> Option<Foot> {
-        let kind = mesh.facet_kind(target.facet);
+    fn foot_on(&self, face: usize, nodes: &[FaceNode], part: &Part, x: Vector3<f64>, from: [f64; 3]) -> Option<Foot> {
+        let kind = self.faces.kind(face);
         let mut q = start(part, from);
         let (mut step, mut last, mut halvings) = (Vector2::zeros(), f64::INFINITY, 0);
         let mut least = f64::INFINITY;
         for _ in 0..ITERATIONS {
-            let near = self.near(mesh, target, u, part, &self.tables(mesh, target, part.at(q), 2), x);
+            let near = self.near(face, nodes, part, part.at(q), x);
             let distance = near.from.norm();
             if distance > least * (1.0 + CLOSED) + ALIKE * x.amax() && halvings < HALVINGS {
                 halvings += 1;
@@ -220,26 +212,26 @@ impl Targets {
         if !(last < FOUND && inside(kind, p).iter().all(|inside| *inside >= -CLOSED)) {
             return None;
         }
-        let near = self.near(mesh, target, u, part, &self.tables(mesh, target, p, 2), x);
+        let near = self.near(face, nodes, part, p, x);
         definite_inverse(&near.hessian, part.dim)?;
         Some(Foot { part: *part, p, distance: near.from.norm() })
     }
 
-    /// A face where it was tabulated, seen from `x`.
-    fn near(&self, mesh: &Mesh, target: &Target, u: &[f64], part: &Part, tables: &Tables, x: Vector3<f64>) -> Near {
-        let place = self.place(mesh, target, u, tables);
-        let tangents = part.combine(place.current);
-        let bend = self.bend(mesh, target, u, tables);
+    /// A face at some of its parameters, seen from `x`.
+    fn near(&self, face: usize, nodes: &[FaceNode], part: &Part, p: [f64; 3], x: Vector3<f64>) -> Near {
+        let at = self.faces.at(nodes, face, p, true);
+        let tangents = part.combine(at.tangents);
+        let bend = at.bend;
         #[cfg(test)]
-        let bend = mutants::of(bend, self.bend(mesh, target, &[], tables));
+        let bend = mutants::of(bend, self.faces.at_rest(face, p).bend);
         let [y11, y12, y22] = bend;
-        let from = x - place.y;
+        let from = x - at.y;
         let hessian = Matrix2::from_fn(|a, b| {
             let (s, t) = (part.along[a], part.along[b]);
             let bend = y11 * (s[0] * t[0]) + y12 * (s[0] * t[1] + s[1] * t[0]) + y22 * (s[1] * t[1]);
             tangents[a].dot(&tangents[b]) - from.dot(&bend)
         });
-        Near { place, tangents, from, hessian }
+        Near { at, tangents, from, hessian }
     }
 }
 

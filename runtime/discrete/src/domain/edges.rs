@@ -52,6 +52,7 @@ pub(super) fn groups(mesh: &Mesh, edges: &[FaceEdge], rule: &dyn Fn(CellKind) ->
                 key,
                 is_own: false,
                 entities: Vec::new(),
+                own: None,
                 weights: rule.weights,
                 parameters,
                 tangents: Some(kind.facet_map(local).tangents),
@@ -63,7 +64,6 @@ pub(super) fn groups(mesh: &Mesh, edges: &[FaceEdge], rule: &dyn Fn(CellKind) ->
                 here: side(mesh, *edge, points),
                 there_normal: edge.neighbour().map(|e| mesh.kind(e.face.cell).facet_normal(usize::from(e.face.local))),
                 there: there.map(|(points, there)| side(mesh, there, points)),
-                motion: None,
             }
         });
         group.entities.push(k);

@@ -1,6 +1,6 @@
 //! The points of a place whose images move with two bodies.
 //!
-//! The points stay where they are and keep their order, that of the place without the mapping: each is a group of its own.
+//! The points stay where they are and keep their order, that of the place without the mapping: each is an entity of its own.
 //! What moves is found from the displacements alone, for each state anew: the ray from the current position of a point along
 //! its current normal and its hit on the current faces, or their closest point, and how it shifts. A point without an image
 //! has the weight zero; its law reads an image far ahead along the normal, so that it is open.
@@ -17,8 +17,8 @@ use rayon::prelude::*;
 
 use super::{
     Domain, Group, GroupSide,
-    boxes::Boxes,
-    rays::{Hit, ImageSearch, Ray, Targets},
+    own::{ImageMotion, OwnPoints, facet_normals},
+    rays::{Current, Hit, ImageSearch, Ray, Targets},
 };
 use crate::space::Space;
 use wfl_compiler::types::ImageBy;
@@ -39,28 +39,12 @@ pub struct Follows {
     pub space: Space,
 }
 
-/// How the image of a point shifts, as laws read it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ImageMotion {
-    /// Entries of the symmetric matrix of the shift: row i and column j >= i at `j (j + 1)/2 + i`.
-    pub shift: [f64; 6],
-    /// Derivative of the outward normal along the face: row i, column j at `i + dim j`.
-    pub slope: [f64; 9],
-    /// The current unit normal of the point, along which its image was looked for.
-    pub normal: [f64; 3],
-    /// How far along it the image is, negative where the bodies overlap; of a closest point how far outside of the face.
-    pub gap: f64,
-    /// What stands in for the position of the image where there is none.
-    pub stand_in: Option<[f64; 3]>,
-}
-
 /// A point with what its ray is made of.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
-    /// As a group of one entity and one point, without an image.
-    group: Group,
+    cell: CellId,
     /// The displacement here.
-    pub(super) table: Table,
+    pub(super) table: Arc<Table>,
     pub(super) nodes: Vec<u32>,
     /// Position and outward unit normal in the reference placement, and the inverse of the derivatives of the map.
     x: Vector3<f64>,
@@ -83,6 +67,8 @@ struct Known {
 pub struct MovingPoints {
     over: super::Over,
     n_entities: usize,
+    /// The points as groups without images.
+    groups: Vec<Group>,
     pub(super) points: Vec<Point>,
     pub(super) here: Follows,
     pub(super) there: Follows,
@@ -118,13 +104,17 @@ impl MovingPoints {
         let centre = mesh.facet_kind(*first).reference_centre();
         let reference = kind.facet_map(usize::from(first.local)).apply(centre);
         let spare = Image { cell: first.cell, reference, facet: Some(*first) };
-        let mut points = Vec::new();
+        let (mut points, mut groups) = (Vec::new(), Vec::new());
         for group in &base.groups {
-            for k in 0..group.entities.len() {
-                for q in 0..group.n_points() {
-                    points.push(point(mesh, group, [k, q], &here.space)?);
-                }
+            let places = || (0..group.entities.len()).flat_map(|k| (0..group.n_points()).map(move |q| (k, q)));
+            let first = here.space.position_of_cell(group.here.cells[0])?;
+            let element = here.space.element_at(first);
+            let tables: Vec<Arc<Table>> =
+                group.here.points.iter().map(|x| Arc::new(element.tabulate(&[*x], 1))).collect();
+            for (k, q) in places() {
+                points.push(point(mesh, group, [k, q], &here.space, &tables[q])?);
             }
+            groups.push(group.of_points(places()));
         }
         let targets = Targets::new(mesh, onto, there.space.clone(), search)?;
         limit_by_thickness(mesh, &targets, &mut points);
@@ -138,7 +128,19 @@ impl MovingPoints {
         let corners = corners.collect::<BTreeMap<_, _>>().into_iter();
         let corners = corners.map(|(kind, element)| (kind, element.tabulate(element.points(), 1))).collect();
         let (over, n_entities) = (base.over, base.n_entities);
-        Some(Self { over, n_entities, points, here, there, targets, spare, ahead, corners, known: Mutex::default() })
+        Some(Self {
+            over,
+            n_entities,
+            groups,
+            points,
+            here,
+            there,
+            targets,
+            spare,
+            ahead,
+            corners,
+            known: Mutex::default(),
+        })
     }
 
     /// The faces that images may lie on.
@@ -194,13 +196,19 @@ impl MovingPoints {
             return Arc::clone(&known.domain);
         }
         // not under the lock: who waits for other threads may be given work that asks for images, too
-        let boxes = self.targets.boxes(mesh, there);
-        let group = |point: &Point| self.found(mesh, point, [here, there], &boxes);
-        let groups: Vec<Group> = self.points.par_iter().map(group).collect();
+        let (current, spare) = (self.targets.current(mesh, there), self.spare_displacement(mesh, there));
+        let found = |point: &Point| self.found(mesh, point, [here, there], &current, spare);
+        let found: Vec<(Image, ImageMotion)> = self.points.par_iter().map(found).collect();
+        let mut rest = found.as_slice();
+        let group = |group: &Group| {
+            let (own, others) = rest.split_at(group.entities.len());
+            rest = others;
+            self.group_with(mesh, group, own)
+        };
         let domain = Arc::new(Domain {
             over: self.over,
             dim: mesh.dim(),
-            groups,
+            groups: self.groups.iter().map(group).collect(),
             n_entities: self.n_entities,
             moving: Some(Arc::clone(self)),
         });
@@ -214,48 +222,66 @@ impl MovingPoints {
     pub fn are_inside(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Vec<bool> {
         let domain = self.at(mesh, current);
         let (here, there) = (of(current, &self.here), of(current, &self.there));
-        if !domain.groups.iter().any(Group::has_lost_its_image) {
-            return vec![false; self.points.len()];
+        let lost: Vec<bool> = domain.entities().map(|(group, k)| group.has_lost_its_image(k)).collect();
+        if !lost.contains(&true) {
+            return lost;
         }
-        let boxes = self.targets.boxes(mesh, there);
-        let is_inside = |(point, group): (&Point, &Group)| {
-            let holds = |ray: &Ray| self.targets.hold(mesh, there, &boxes, ray);
-            group.has_lost_its_image() && point.ray(mesh.dim(), here).as_ref().is_some_and(holds)
+        let targets = self.targets.current(mesh, there);
+        let is_inside = |(point, is_lost): (&Point, &bool)| {
+            let holds = |ray: &Ray| self.targets.hold(mesh.dim(), &targets, ray);
+            *is_lost && point.ray(mesh.dim(), here).as_ref().is_some_and(holds)
         };
-        self.points.par_iter().zip(&domain.groups).map(is_inside).collect()
+        self.points.par_iter().zip(&lost).map(is_inside).collect()
     }
 
-    /// A point with its image.
-    fn found(&self, mesh: &Mesh, point: &Point, [here, there]: [&[f64]; 2], boxes: &Boxes) -> Group {
+    /// The image of a point, or what stands in for it.
+    fn found(
+        &self,
+        mesh: &Mesh,
+        point: &Point,
+        [here, there]: [&[f64]; 2],
+        current: &Current,
+        spare: Vector3<f64>,
+    ) -> (Image, ImageMotion) {
         let ray = point.ray(mesh.dim(), here);
-        let hit = ray.as_ref().and_then(|ray| self.targets.image(mesh, there, boxes, ray));
+        let hit = ray.as_ref().and_then(|ray| self.targets.image(mesh, current, ray));
         let normal = ray.as_ref().map_or_else(Vector3::zeros, |ray| ray.n).into();
-        let (image, motion, weight) = match hit {
+        match hit {
             Some(Hit { image, shift, slope, gap, rank: _ }) => {
-                (image, ImageMotion { shift, slope, normal, gap, stand_in: None }, point.group.weights[0])
+                (image, ImageMotion { shift, slope, normal, gap, stand_in: None })
             }
-            None => (self.spare, ImageMotion { normal, ..self.nowhere(mesh, ray.as_ref(), there) }, 0.0),
-        };
-        let kind = mesh.kind(image.cell);
-        let side = GroupSide {
-            kind,
-            cells: vec![image.cell],
-            facets: image.facet.into_iter().collect(),
-            geometry: mesh.geometry_element(kind).tabulate(&[image.reference], 2),
-            points: vec![image.reference],
-            corners: self.corners.get(&kind).cloned().unwrap_or_default(),
-        };
-        Group {
-            weights: vec![weight],
-            there: Some(side),
-            there_normal: image.facet.map(|facet| kind.facet_normal(usize::from(facet.local))),
-            motion: Some(motion),
-            ..point.group.clone()
+            None => (self.spare, ImageMotion { normal, ..self.nowhere(mesh, ray.as_ref(), there, spare) }),
         }
+    }
+
+    /// A group of points with their images.
+    fn group_with(&self, mesh: &Mesh, points: &Group, found: &[(Image, ImageMotion)]) -> Group {
+        let images: Vec<Image> = found.iter().map(|(image, _)| *image).collect();
+        let motions: Vec<ImageMotion> = found.iter().map(|(_, motion)| *motion).collect();
+        let weight = |(weight, motion): (&f64, &ImageMotion)| if motion.stand_in.is_none() { *weight } else { 0.0 };
+        let own = points.own.as_ref().map_or(&[][..], |own| &own.weights);
+        let weights = own.iter().zip(&motions).map(weight).collect();
+        let there_normals = facet_normals(mesh, &images);
+        let corners = images.first().and_then(|image| self.corners.get(&mesh.kind(image.cell))).cloned();
+        Group {
+            there: (!images.is_empty()).then(|| GroupSide::of_images(mesh, &images, corners.unwrap_or_default())),
+            there_normal: there_normals.first().copied(),
+            own: Some(OwnPoints { weights, there_normals, motions }),
+            ..points.clone()
+        }
+    }
+
+    /// The displacement of what stands in for an image.
+    fn spare_displacement(&self, mesh: &Mesh, there: &[f64]) -> Vector3<f64> {
+        let space = &self.there.space;
+        space.position_of_cell(self.spare.cell).map_or_else(Vector3::zeros, |position| {
+            let table = space.element_at(position).tabulate(&[self.spare.reference], 0);
+            displacement(mesh.dim(), &table, space.entity_nodes(position), there)
+        })
     }
 
     /// The image far ahead of a point that has none: its position less the displacement that a law adds to it.
-    fn nowhere(&self, mesh: &Mesh, ray: Option<&Ray>, there: &[f64]) -> ImageMotion {
+    fn nowhere(&self, mesh: &Mesh, ray: Option<&Ray>, there: &[f64], spare: Vector3<f64>) -> ImageMotion {
         let way = |ray: &Ray| match self.by() {
             ImageBy::Ray => ray.n,
             // also ahead of it along the normal of the face that stands in, unless that is its own
@@ -265,13 +291,7 @@ impl MovingPoints {
                 outward.filter(|outward| outward.dot(&ray.n) < ONE_WAY).map_or(ray.n, |outward| ray.n - outward)
             }
         };
-        let mut place = ray.map_or_else(Vector3::zeros, |ray| ray.x + way(ray) * self.ahead);
-        let space = &self.there.space;
-        if let Some(position) = space.position_of_cell(self.spare.cell) {
-            let table = space.element_at(position).tabulate(&[self.spare.reference], 0);
-            let own = displacement(self.points[0].group.here.geometry.dim, &table, space.entity_nodes(position), there);
-            place -= own;
-        }
+        let place = ray.map_or_else(Vector3::zeros, |ray| ray.x + way(ray) * self.ahead) - spare;
         let stand_in = Some(place.into());
         ImageMotion { shift: [0.0; 6], slope: [0.0; 9], normal: [0.0; 3], gap: self.ahead, stand_in }
     }
@@ -281,11 +301,11 @@ impl MovingPoints {
 fn limit_by_thickness(mesh: &Mesh, targets: &Targets, points: &mut [Point]) {
     let bodies = mesh.bodies();
     let body = |cell: CellId| bodies[mesh.cell_nodes(cell)[0].index()];
-    let boxes = targets.boxes(mesh, &[]);
+    let at_rest = targets.current(mesh, &[]);
     points.par_iter_mut().for_each(|point| {
         if let Some(ray) = point.ray(mesh.dim(), &[]) {
             let is_own = |facet: FacetRef| body(facet.cell) == body(ray.cell);
-            point.back = 0.5 * targets.thickness(mesh, &boxes, &ray, is_own);
+            point.back = 0.5 * targets.thickness(mesh.dim(), &at_rest, &ray, is_own);
         }
     });
 }
@@ -301,33 +321,20 @@ pub(super) fn displacement(dim: usize, table: &Table, nodes: &[u32], u: &[f64]) 
 }
 
 /// Point `q` of entity `k` of a group on faces.
-fn point(mesh: &Mesh, group: &Group, [k, q]: [usize; 2], space: &Space) -> Option<Point> {
+fn point(mesh: &Mesh, group: &Group, [k, q]: [usize; 2], space: &Space, table: &Arc<Table>) -> Option<Point> {
     let (dim, cell) = (mesh.dim(), group.here.cells[k]);
-    let reference = group.here.points[q];
-    let mut here = GroupSide::new(mesh, group.here.kind, vec![reference]);
-    here.cells.push(cell);
-    here.facets.extend(group.here.facets.get(k));
-    let single = Group {
-        entities: vec![group.entities[k]],
-        weights: vec![group.weights[q]],
-        parameters: vec![group.parameters[q]],
-        areas: None,
-        here,
-        there: None,
-        there_normal: None,
-        ..group.clone()
-    };
     let position = space.position_of_cell(cell)?;
-    let rows = mesh.jacobian_at(cell, &single.here.geometry, 0);
+    let rows = mesh.jacobian_at(cell, &group.here.geometry, q);
     let padded = |i: usize, j: usize| if i < dim && j < dim { rows[i][j] } else { f64::from(u8::from(i == j)) };
     Some(Point {
-        table: space.element_at(position).tabulate(&[reference], 1),
+        cell,
+        table: Arc::clone(table),
         nodes: space.entity_nodes(position).to_vec(),
-        x: mesh.point_at(cell, &single.here.geometry, 0).into(),
-        normal: single.unit_normal(mesh, 0, 0).into(),
+        x: group.position(mesh, k, q).into(),
+        // not that of the areas of nodal rules: the ray is along the normal of the face itself
+        normal: group.normal_of_map(mesh, k, q).into(),
         inverse: Matrix3::from_fn(padded).try_inverse()?,
         back: f64::INFINITY,
-        group: single,
     })
 }
 
@@ -351,7 +358,6 @@ impl Point {
         let f: Matrix3<f64> = Matrix3::identity() + self.gradient(dim, u);
         let n = f.try_inverse()?.transpose() * self.normal;
         let x = self.x + displacement(dim, &self.table, &self.nodes, u);
-        let cell: CellId = self.group.here.cells[0];
-        Some(Ray { x, n: n.try_normalize(0.0)?, cell, back: self.back })
+        Some(Ray::new(x, n.try_normalize(0.0)?, self.cell, self.back))
     }
 }

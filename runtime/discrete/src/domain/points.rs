@@ -78,6 +78,7 @@ fn one_point(here: GroupSide) -> Group {
         key: [0; 5],
         is_own: false,
         entities: Vec::new(),
+        own: None,
         weights: vec![1.0],
         parameters: vec![[0.0; 3]],
         tangents: None,
@@ -89,6 +90,5 @@ fn one_point(here: GroupSide) -> Group {
         here,
         there: None,
         there_normal: None,
-        motion: None,
     }
 }

@@ -10,13 +10,13 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix2, Matrix3, Vector3};
 
-use super::boxes::{Bounds, BoxTree, Boxes};
+use super::{
+    boxes::{Bounds, BoxTree, Boxes},
+    faces::{FaceNode, FacePoint, Faces},
+};
 use crate::space::Space;
 use wfl_compiler::types::ImageBy;
-use wfl_mesh::{
-    element::Table,
-    mesh::{CellId, CellKind, FacetRef, Image, Mesh},
-};
+use wfl_mesh::mesh::{CellId, CellKind, FacetRef, Image, Mesh};
 
 /// Edges between faces are closed by this part of a face.
 pub(super) const CLOSED: f64 = 1e-9;
@@ -24,6 +24,10 @@ pub(super) const CLOSED: f64 = 1e-9;
 const EXTENDED: f64 = 1e-3;
 /// Boxes of faces are grown by this part of their diagonal: between its nodes a face of degree 2 or 3 bulges by less.
 const BULGE: f64 = 0.5;
+/// The same for faces between their nodes, which are extended by less.
+const PLAIN: f64 = 1e-2;
+/// A ray with a smaller component goes along that axis by nothing.
+const FLAT: f64 = 1e-300;
 /// Iterations of a hit; Newton's method takes 2 to 6.
 pub(super) const ITERATIONS: usize = 30;
 /// A hit is found when its parameters move by less.
@@ -43,8 +47,16 @@ pub(super) struct Ray {
     pub(super) x: Vector3<f64>,
     pub(super) n: Vector3<f64>,
     pub(super) cell: CellId,
+    /// One over the components of the direction.
+    over: Vector3<f64>,
     /// How far it goes against its direction, into the body of its point.
     pub(super) back: f64,
+}
+
+impl Ray {
+    pub(super) fn new(x: Vector3<f64>, n: Vector3<f64>, cell: CellId, back: f64) -> Self {
+        Self { x, n, cell, over: n.map(|n| 1.0 / n), back }
+    }
 }
 
 /// Where a ray meets a face.
@@ -72,8 +84,6 @@ struct Crossing {
 #[derive(Clone, Debug)]
 pub(super) struct Target {
     pub(super) facet: FacetRef,
-    /// Of its cell in the space of the displacement.
-    position: usize,
     /// By side of the reference facet: how far outside of it a hit may lie.
     margins: [f64; 4],
 }
@@ -92,26 +102,17 @@ pub struct ImageSearch {
 pub(super) struct Targets {
     pub(super) list: Vec<Target>,
     space: Space,
+    pub(super) faces: Faces,
     by: ImageBy,
     pub(super) reach: f64,
     pub(super) tree: BoxTree,
 }
 
-/// Tables of the geometry and of the displacement.
-pub(super) type Tables = [Table; 2];
-
-/// A face at some of its parameters.
-pub(super) struct Place {
-    /// In the current placement.
-    pub(super) y: Vector3<f64>,
-    /// Its derivatives in the parameters.
-    pub(super) current: [Vector3<f64>; 2],
-    /// Those of the position in the reference placement.
-    pub(super) reference: [Vector3<f64>; 2],
-    /// Outward, of any length; `None` where the cell has no volume.
-    pub(super) outward: Option<Vector3<f64>>,
-    /// Derivatives of the reference and of the current position in the cell.
-    jacobians: [Matrix3<f64>; 2],
+/// The faces in the placement of a state.
+#[derive(Clone, Debug)]
+pub(super) struct Current {
+    pub(super) boxes: Boxes,
+    pub(super) nodes: Vec<FaceNode>,
 }
 
 /// A body at an image.
@@ -156,12 +157,14 @@ impl Targets {
         }
         let target = |facet: &FacetRef| {
             let margins = sides(mesh, *facet).map(|side| if faces_at[&side] > 1 { CLOSED } else { EXTENDED });
-            Some(Target { facet: *facet, position: space.position_of_cell(facet.cell)?, margins })
+            Target { facet: *facet, margins }
         };
-        let list = facets.iter().map(target).collect::<Option<Vec<_>>>()?;
+        let list = facets.iter().map(target).collect();
         let ImageSearch { by, reach } = search;
-        let mut made = Self { list, space, by, reach, tree: BoxTree::default() };
-        made.tree = BoxTree::new(&made.faces(mesh, &[]));
+        let faces = Faces::new(mesh, facets, &space)?;
+        let mut made = Self { list, space, faces, by, reach, tree: BoxTree::default() };
+        let nodes = made.faces.nodes(mesh, &made.space, &[]);
+        made.tree = BoxTree::new(&made.bounds(&nodes));
         Some(made)
     }
 
@@ -170,36 +173,31 @@ impl Targets {
         self.list.iter().map(|target| target.facet)
     }
 
-    /// The boxes around all faces in the current placement.
-    pub(super) fn boxes(&self, mesh: &Mesh, u: &[f64]) -> Boxes {
-        self.tree.fit(self.faces(mesh, u))
+    /// All faces in the current placement.
+    pub(super) fn current(&self, mesh: &Mesh, u: &[f64]) -> Current {
+        let nodes = self.faces.nodes(mesh, &self.space, u);
+        Current { boxes: self.tree.fit(self.bounds(&nodes)), nodes }
     }
 
     /// The box around each face.
-    fn faces(&self, mesh: &Mesh, u: &[f64]) -> Vec<Bounds> {
-        let mut known: BTreeMap<(usize, u8), Vec<Tables>> = BTreeMap::new();
-        let mut all = Vec::with_capacity(self.list.len());
-        for target in &self.list {
-            let key = (mesh.kind(target.facet.cell).index(), target.facet.local);
-            let tables = known.entry(key).or_insert_with(|| {
-                samples(mesh.facet_kind(target.facet)).iter().map(|p| self.tables(mesh, target, *p, 1)).collect()
-            });
+    fn bounds(&self, nodes: &[FaceNode]) -> Vec<Bounds> {
+        let of = |face: usize| {
             let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-            for tables in tables {
-                let y = self.position(mesh, target, u, tables);
-                (low, high) = (low.inf(&y), high.sup(&y));
+            for y in self.faces.positions(nodes, face) {
+                (low, high) = (low.inf(y), high.sup(y));
             }
-            let margin = Vector3::repeat(BULGE * (high - low).norm());
-            all.push([low - margin, high + margin]);
-        }
-        all
+            let part = if self.faces.is_between_nodes(face) { PLAIN } else { BULGE };
+            let margin = Vector3::repeat(part * (high - low).norm());
+            [low - margin, high + margin]
+        };
+        (0..self.list.len()).map(of).collect()
     }
 
     /// The image of the point that a ray begins at.
-    pub(super) fn image(&self, mesh: &Mesh, u: &[f64], boxes: &Boxes, ray: &Ray) -> Option<Hit> {
+    pub(super) fn image(&self, mesh: &Mesh, current: &Current, ray: &Ray) -> Option<Hit> {
         match self.by {
-            ImageBy::Ray => self.hit(mesh, u, boxes, ray),
-            ImageBy::Closest => self.closest(mesh, u, boxes, ray),
+            ImageBy::Ray => self.hit(mesh, current, ray),
+            ImageBy::Closest => self.closest(mesh, current, ray),
         }
     }
 
@@ -209,17 +207,17 @@ impl Targets {
     }
 
     /// The nearest face that a ray meets.
-    fn hit(&self, mesh: &Mesh, u: &[f64], boxes: &Boxes, ray: &Ray) -> Option<Hit> {
+    fn hit(&self, mesh: &Mesh, current: &Current, ray: &Ray) -> Option<Hit> {
+        let (dim, boxes) = (mesh.dim(), &current.boxes);
         let mut best: Option<(f64, usize, [f64; 3])> = None;
         let (mut near, back) = (Vec::new(), self.reach.min(ray.back));
         self.tree.met(boxes, |bounds| meets(ray, bounds, [back, self.reach]), &mut near);
         for k in near.into_iter().map(|k| k as usize) {
-            let target = &self.list[k];
             let least = best.map_or(self.reach, |b| b.0.abs());
-            if target.facet.cell == ray.cell || !meets(ray, &boxes.faces[k], [least.min(back), least]) {
+            if self.list[k].facet.cell == ray.cell || !meets(ray, &boxes.faces[k], [least.min(back), least]) {
                 continue;
             }
-            let Some(Crossing { p, g, is_front: true }) = self.crossing(mesh, target, u, ray) else { continue };
+            let Some(Crossing { p, g, is_front: true }) = self.crossing(dim, k, &current.nodes, ray) else { continue };
             let scale = ALIKE * (ray.x.amax() + g.abs());
             let is_within = g <= self.reach && -g <= back;
             if is_within && best.is_none_or(|b| g.abs() < b.0.abs() - scale) {
@@ -227,18 +225,16 @@ impl Targets {
             }
         }
         let (gap, k, p) = best?;
-        let target = &self.list[k];
-        let tables = self.tables(mesh, target, p, 2);
-        let at = self.place(mesh, target, u, &tables);
-        let shift = pseudo_inverse(&at.current, mesh.dim())?;
-        let c = across(&at.reference, &shift, &at.reference);
-        Some(Hit { gap, ..self.hit_at(mesh, target, &tables, &at, p, &c)? })
+        let (at, rest) = (self.faces.at(&current.nodes, k, p, false), self.faces.at_rest(k, p));
+        let shift = pseudo_inverse(&at.tangents, dim)?;
+        let c = across(&rest.tangents, &shift, &rest.tangents);
+        Some(Hit { gap, ..self.hit_at(mesh, k, &rest, p, &c)? })
     }
 
     /// How thick the body is behind the point of a ray, in the reference placement: the distance to the first of its `own`
     /// faces that the ray meets backwards, infinite where it meets none. Faces that touch the point are none of these.
-    pub(super) fn thickness(&self, mesh: &Mesh, boxes: &Boxes, ray: &Ray, is_own: impl Fn(FacetRef) -> bool) -> f64 {
-        let mut least = f64::INFINITY;
+    pub(super) fn thickness(&self, dim: usize, at_rest: &Current, ray: &Ray, is_own: impl Fn(FacetRef) -> bool) -> f64 {
+        let (mut least, boxes) = (f64::INFINITY, &at_rest.boxes);
         let mut near = Vec::new();
         self.tree.met(boxes, |bounds| meets(ray, bounds, [least, 0.0]), &mut near);
         for k in near.into_iter().map(|k| k as usize) {
@@ -247,7 +243,7 @@ impl Targets {
                 continue;
             }
             let touching = TOUCHING * (bounds[1] - bounds[0]).norm();
-            if let Some(Crossing { g, is_front: true, .. }) = self.crossing(mesh, target, &[], ray)
+            if let Some(Crossing { g, is_front: true, .. }) = self.crossing(dim, k, &at_rest.nodes, ray)
                 && -g > touching
             {
                 least = least.min(-g);
@@ -256,34 +252,19 @@ impl Targets {
         least
     }
 
-    /// With derivatives up to `order`.
-    pub(super) fn tables(&self, mesh: &Mesh, target: &Target, p: [f64; 3], order: usize) -> Tables {
-        let kind = mesh.kind(target.facet.cell);
-        let local = usize::from(target.facet.local);
-        let r = [kind.facet_point(local, kind.facet_map(local).apply(p))];
-        [mesh.geometry_element(kind).tabulate(&r, order), self.space.element_at(target.position).tabulate(&r, order)]
-    }
-
-    /// Where a point of the face is.
-    pub(super) fn position(&self, mesh: &Mesh, target: &Target, u: &[f64], [geometry, field]: &Tables) -> Vector3<f64> {
-        let dim = mesh.dim();
-        let mut y = Vector3::from(mesh.point_at(target.facet.cell, geometry, 0));
-        for (k, node) in self.space.entity_nodes(target.position).iter().enumerate() {
-            let own = u.get(*node as usize * dim..(*node as usize + 1) * dim).unwrap_or_default();
-            own.iter().enumerate().for_each(|(i, value)| y[i] += value * field.values[k]);
-        }
-        y
-    }
-
-    /// The face where it was tabulated.
-    pub(super) fn place(&self, mesh: &Mesh, target: &Target, u: &[f64], tables: &Tables) -> Place {
-        let (dim, cell) = (mesh.dim(), target.facet.cell);
-        let [geometry, field] = tables;
-        let mut y = Vector3::from(mesh.point_at(cell, geometry, 0));
-        let rows = mesh.jacobian_at(cell, geometry, 0);
-        let reference = Matrix3::from_fn(|i, j| if i < dim && j < dim { rows[i][j] } else { 0.0 });
+    /// The body at an image.
+    pub(super) fn body(&self, mesh: &Mesh, u: &[f64], image: &Image) -> Option<Body> {
+        let kind = mesh.kind(image.cell);
+        let position = self.space.position_of_cell(image.cell)?;
+        let r = [image.reference];
+        let geometry = mesh.geometry_element(kind).tabulate(&r, 1);
+        let field = self.space.element_at(position).tabulate(&r, 1);
+        let (dim, rows) = (mesh.dim(), mesh.jacobian_at(image.cell, &geometry, 0));
+        let mut y = Vector3::from(mesh.point_at(image.cell, &geometry, 0));
+        let reference =
+            Matrix3::from_fn(|i, j| if i < dim && j < dim { rows[i][j] } else { f64::from(u8::from(i == j)) });
         let mut current = reference;
-        for (k, node) in self.space.entity_nodes(target.position).iter().enumerate() {
+        for (k, node) in self.space.entity_nodes(position).iter().enumerate() {
             let Some(own) = u.get(*node as usize * dim..(*node as usize + 1) * dim) else { continue };
             for (i, value) in own.iter().enumerate() {
                 y[i] += value * field.values[k];
@@ -292,41 +273,18 @@ impl Targets {
                 }
             }
         }
-        let kind = mesh.kind(cell);
-        let tangents = kind.facet_map(usize::from(target.facet.local)).tangents.map(Vector3::from);
-        let normal = Vector3::from(kind.facet_normal(usize::from(target.facet.local)));
-        let jacobians = [reference, current].map(|mut padded| {
-            (dim..3).for_each(|k| padded[(k, k)] = 1.0);
-            padded
-        });
-        Place {
-            y,
-            current: tangents.map(|t| current * t),
-            reference: tangents.map(|t| reference * t),
-            outward: jacobians[1].try_inverse().map(|inverse| inverse.transpose() * normal),
-            jacobians,
-        }
-    }
-
-    /// The body at an image.
-    pub(super) fn body(&self, mesh: &Mesh, u: &[f64], image: &Image) -> Option<Body> {
-        let target = self.list.iter().find(|target| Some(target.facet) == image.facet)?;
-        let kind = mesh.kind(target.facet.cell);
-        let r = [image.reference];
-        let tables =
-            [mesh.geometry_element(kind).tabulate(&r, 1), self.space.element_at(target.position).tabulate(&r, 1)];
-        let at = self.place(mesh, target, u, &tables);
-        let deformation = at.jacobians[1] * at.jacobians[0].try_inverse()?;
-        Some(Body { y: at.y, deformation, outward: at.outward? })
+        let normal = Vector3::from(kind.facet_normal(usize::from(image.facet?.local)));
+        let outward = current.try_inverse()?.transpose() * normal;
+        Some(Body { y, deformation: current * reference.try_inverse()?, outward })
     }
 
     /// Whether a ray begins inside a body of the faces, further than it may go back for an image: the nearest face behind is
     /// one that it meets from the front.
-    pub(super) fn hold(&self, mesh: &Mesh, u: &[f64], boxes: &Boxes, ray: &Ray) -> bool {
+    pub(super) fn hold(&self, dim: usize, current: &Current, ray: &Ray) -> bool {
         let (mut near, mut nearest) = (Vec::new(), None);
-        self.tree.met(boxes, |bounds| meets(ray, bounds, [ray.back, 0.0]), &mut near);
-        for target in near.into_iter().map(|k| &self.list[k as usize]).filter(|t| t.facet.cell != ray.cell) {
-            if let Some(Crossing { g, is_front, .. }) = self.crossing(mesh, target, u, ray)
+        self.tree.met(&current.boxes, |bounds| meets(ray, bounds, [ray.back, 0.0]), &mut near);
+        for k in near.into_iter().map(|k| k as usize).filter(|k| self.list[*k].facet.cell != ray.cell) {
+            if let Some(Crossing { g, is_front, .. }) = self.crossing(dim, k, &current.nodes, ray)
                 && g < 0.0
                 && -g <= ray.back
                 && nearest.is_none_or(|(least, _)| -g < least)
@@ -338,19 +296,16 @@ impl Targets {
     }
 
     /// Where a ray meets a face; `None` beside it.
-    fn crossing(&self, mesh: &Mesh, target: &Target, u: &[f64], ray: &Ray) -> Option<Crossing> {
-        let (dim, kind) = (mesh.dim(), mesh.facet_kind(target.facet));
+    fn crossing(&self, dim: usize, face: usize, nodes: &[FaceNode], ray: &Ray) -> Option<Crossing> {
+        let kind = self.faces.kind(face);
         let mut p = kind.reference_centre();
         let (mut g, mut last) = (0.0, f64::INFINITY);
         for _ in 0..ITERATIONS {
-            let at = self.place(mesh, target, u, &self.tables(mesh, target, p, 1));
-            let mut m = Matrix3::identity();
-            (0..dim - 1).for_each(|k| m.set_column(k, &at.current[k]));
-            m.set_column(dim - 1, &-ray.n);
-            let step = m.lu().solve(&(ray.x + ray.n * g - at.y))?;
+            let at = self.faces.at(nodes, face, p, false);
+            let step = to_ray(dim, &at.tangents, &ray.n, ray.x + ray.n * g - at.y)?;
             (0..dim - 1).for_each(|k| p[k] += step[k]);
-            g += step[dim - 1];
-            let size = step.rows(0, dim - 1).amax();
+            g += step[2];
+            let size = step[0].abs().max(step[1].abs());
             // below this the steps are rounding and no longer become shorter
             let is_rounding = size < FOUND && size >= last;
             last = size;
@@ -358,31 +313,31 @@ impl Targets {
                 break;
             }
         }
-        let is_inside = inside(kind, p).iter().zip(target.margins).all(|(inside, margin)| *inside >= -margin);
+        let is_inside = inside(kind, p).iter().zip(self.list[face].margins).all(|(inside, margin)| *inside >= -margin);
         // what is not a number is no hit either
         if !(last < FOUND && is_inside && g.is_finite()) {
             return None;
         }
-        let at = self.place(mesh, target, u, &self.tables(mesh, target, p, 1));
-        Some(Crossing { p, g, is_front: at.outward?.dot(&ray.n) < 0.0 })
+        let outward = self.faces.at(nodes, face, p, false).outward(dim)?;
+        Some(Crossing { p, g, is_front: outward.dot(&ray.n) < 0.0 })
     }
 
-    /// What is told of an image at parameters of a face, with the matrix of its shift.
+    /// What is told of an image at parameters of a face, `at` which that is in the reference placement, with the matrix of
+    /// its shift.
     pub(super) fn hit_at(
         &self,
         mesh: &Mesh,
-        target: &Target,
-        tables: &Tables,
-        at: &Place,
+        face: usize,
+        at: &FacePoint,
         p: [f64; 3],
         c: &Matrix3<f64>,
     ) -> Option<Hit> {
-        let dim = mesh.dim();
+        let (dim, facet) = (mesh.dim(), self.list[face].facet);
         let mut hit = Hit {
             image: Image {
-                cell: target.facet.cell,
-                reference: mesh.kind(target.facet.cell).facet_map(usize::from(target.facet.local)).apply(p),
-                facet: Some(target.facet),
+                cell: facet.cell,
+                reference: mesh.kind(facet.cell).facet_map(usize::from(facet.local)).apply(p),
+                facet: Some(facet),
             },
             shift: [0.0; 6],
             slope: [0.0; 9],
@@ -394,8 +349,8 @@ impl Targets {
                 hit.shift[j * (j + 1) / 2 + i] = c[(i, j)];
             }
         }
-        let turns = self.normal_derivatives(mesh, target, tables, at)?;
-        let slope = across(&turns, &pseudo_inverse(&at.reference, dim)?, &at.reference);
+        let turns = at.normal_derivatives(dim)?;
+        let slope = across(&turns, &pseudo_inverse(&at.tangents, dim)?, &at.tangents);
         for j in 0..dim {
             for i in 0..dim {
                 hit.slope[i + dim * j] = slope[(i, j)];
@@ -403,62 +358,20 @@ impl Targets {
         }
         Some(hit)
     }
-
-    /// The second derivatives of the position of a face in its parameters: 11, 12, 22.
-    pub(super) fn bend(&self, mesh: &Mesh, target: &Target, u: &[f64], tables: &Tables) -> [Vector3<f64>; 3] {
-        let (dim, cell) = (mesh.dim(), target.facet.cell);
-        let tangents = mesh.kind(cell).facet_map(usize::from(target.facet.local)).tangents;
-        let along = |table: &Table, k: usize, [a, b]: [usize; 2]| -> f64 {
-            let hessian = &table.hessians[k * dim * dim..][..dim * dim];
-            (0..dim * dim).map(|e| tangents[a][e / dim] * hessian[e] * tangents[b][e % dim]).sum()
-        };
-        let [geometry, field] = tables;
-        [[0, 0], [0, 1], [1, 1]].map(|pair| {
-            let mut sum = Vector3::zeros();
-            for (k, node) in mesh.cell_nodes(cell)[..geometry.n_dofs].iter().enumerate() {
-                sum += Vector3::from(mesh.node(*node)) * along(geometry, k, pair);
-            }
-            for (k, node) in self.space.entity_nodes(target.position).iter().enumerate() {
-                let own = u.get(*node as usize * dim..(*node as usize + 1) * dim).unwrap_or_default();
-                own.iter().enumerate().for_each(|(i, value)| sum[i] += value * along(field, k, pair));
-            }
-            sum
-        })
-    }
-
-    /// The derivatives of the outward unit normal of the reference placement in the parameters.
-    fn normal_derivatives(
-        &self,
-        mesh: &Mesh,
-        target: &Target,
-        tables: &Tables,
-        at: &Place,
-    ) -> Option<[Vector3<f64>; 2]> {
-        let [x11, x12, x22] = self.bend(mesh, target, &[], tables);
-        let [b1, b2] = at.reference;
-        let quarter = |v: Vector3<f64>| Vector3::new(v[1], -v[0], 0.0);
-        let (normal, turned) = if mesh.dim() == 2 {
-            (quarter(b1), [quarter(x11), Vector3::zeros()])
-        } else {
-            (b1.cross(&b2), [x11.cross(&b2) + b1.cross(&x12), x12.cross(&b2) + b1.cross(&x22)])
-        };
-        let size = normal.norm();
-        if size == 0.0 {
-            return None;
-        }
-        let unit = normal / size;
-        let sign = unit.dot(&reference_outward(mesh, target, &tables[0])?).signum();
-        Some(turned.map(|t| (t - unit * unit.dot(&t)) * (sign / size)))
-    }
 }
 
-/// The outward direction of a face in the reference placement.
-fn reference_outward(mesh: &Mesh, target: &Target, geometry: &Table) -> Option<Vector3<f64>> {
-    let (dim, kind) = (mesh.dim(), mesh.kind(target.facet.cell));
-    let rows = mesh.jacobian_at(target.facet.cell, geometry, 0);
-    let padded = |i: usize, j: usize| if i < dim && j < dim { rows[i][j] } else { f64::from(u8::from(i == j)) };
-    let normal = Vector3::from(kind.facet_normal(usize::from(target.facet.local)));
-    Some(Matrix3::from_fn(padded).try_inverse()?.transpose() * normal)
+/// `(dp, dg)` with `[B | -n] (dp, dg) = r` for the tangents of a face and a direction; the second parameter is zero in the plane.
+#[inline(always)]
+fn to_ray(dim: usize, [a, b]: &[Vector3<f64>; 2], n: &Vector3<f64>, r: Vector3<f64>) -> Option<[f64; 3]> {
+    if dim == 2 {
+        let product = |u: &Vector3<f64>, v: &Vector3<f64>| u[0] * v[1] - u[1] * v[0];
+        let determinant = product(n, a);
+        return (determinant != 0.0).then(|| [product(n, &r) / determinant, 0.0, product(a, &r) / determinant]);
+    }
+    let across = b.cross(n);
+    let determinant = a.dot(&across);
+    let sides = [r.dot(&across), a.dot(&r.cross(n)), -a.dot(&b.cross(&r))];
+    (determinant != 0.0).then(|| sides.map(|side| side / determinant))
 }
 
 /// `(B' B)^-1` of the tangents of a face.
@@ -505,13 +418,14 @@ fn meets(ray: &Ray, bounds: &Bounds, reach: [f64; 2]) -> bool {
     let (mut from, mut to) = (-reach[0], reach[1]);
     for d in 0..3 {
         let (low, high) = (bounds[0][d] - ray.x[d], bounds[1][d] - ray.x[d]);
-        if ray.n[d] == 0.0 {
+        if ray.n[d].abs() < FLAT {
             if low > 0.0 || high < 0.0 {
                 return false;
             }
             continue;
         }
-        let (a, b) = (low / ray.n[d], high / ray.n[d]);
+        // a part of a box is its margin, far more than these are rounded by
+        let (a, b) = (low * ray.over[d], high * ray.over[d]);
         from = from.max(a.min(b));
         to = to.min(a.max(b));
     }

@@ -60,8 +60,8 @@ impl MovingPoints {
             let moved =
                 |k: usize| -> Vec<f64> { state[k].iter().zip(&change[k]).map(|(u, d)| u + steps * STEP * d).collect() };
             let [here, there] = [moved(0), moved(1)];
-            let boxes = self.targets.boxes(mesh, &there);
-            let hit = |point: &Point| self.targets.image(mesh, &there, &boxes, &point.ray(mesh.dim(), &here)?);
+            let current = self.targets.current(mesh, &there);
+            let hit = |point: &Point| self.targets.image(mesh, &current, &point.ray(mesh.dim(), &here)?);
             self.points.iter().map(hit).collect::<Vec<Option<Hit>>>()
         };
         let found = [0.0, 1.0, -1.0, 2.0, -2.0].map(at);

@@ -4,7 +4,10 @@
 //! `L_m(t) = prod_{j != m} (k t - j) / (m - j)` of `k + 1` equal steps. Local order lexicographic,
 //! x fastest.
 
-use super::table::{DofEntity, Jet, Lattice, Table, product};
+use super::{
+    MAX_DEGREE,
+    table::{DofEntity, Jet, Lattice, Table},
+};
 use crate::cell::CellKind;
 
 /// Places (units of `1 / degree`) and entities of the dofs, `degree` from 1 to 3.
@@ -70,22 +73,36 @@ pub(super) fn factor(m: u8, degree: usize, t: f64) -> Jet {
 
 /// Appends the entries of one point to `table`.
 pub(super) fn tabulate(lattice: &Lattice, x: &[f64; 3], derivatives: usize, table: &mut Table) {
-    let dim = lattice.kind.dim();
+    match lattice.kind.dim() {
+        2 => tabulate_in::<2>(lattice, x, derivatives, table),
+        _ => tabulate_in::<3>(lattice, x, derivatives, table),
+    }
+}
+
+#[inline(always)]
+fn tabulate_in<const D: usize>(lattice: &Lattice, x: &[f64; 3], derivatives: usize, table: &mut Table) {
+    // the factors of each direction, once
+    let mut lines = [[[0.0; 3]; MAX_DEGREE + 1]; D];
+    for (line, t) in lines.iter_mut().zip(x) {
+        for (m, jet) in (0u8..).zip(line.iter_mut()).take(lattice.degree + 1) {
+            *jet = factor(m, lattice.degree, *t);
+        }
+    }
     for place in &lattice.places {
-        let jets: [Jet; 3] = std::array::from_fn(|d| factor(place[d], lattice.degree, x[d]));
-        let jets = &jets[..dim];
-        table.values.push(product(jets, None, None));
+        let jets: [Jet; D] = std::array::from_fn(|d| lines[d][usize::from(place[d])]);
+        let product = |orders: [usize; D]| {
+            let first = jets[0][orders[0]];
+            jets.iter().zip(orders).skip(1).fold(first, |product, (jet, order)| product * jet[order])
+        };
+        let order =
+            |d: usize, e: Option<usize>| std::array::from_fn(|i| usize::from(i == d) + usize::from(e == Some(i)));
+        table.values.push(product([0; D]));
         if derivatives > 0 {
-            for d in 0..dim {
-                table.gradients.push(product(jets, Some(d), None));
-            }
+            table.gradients.extend((0..D).map(|d| product(order(d, None))));
         }
         if derivatives > 1 {
-            for d in 0..dim {
-                for e in 0..dim {
-                    table.hessians.push(product(jets, Some(d), Some(e)));
-                }
-            }
+            let pairs = (0..D).flat_map(|d| (0..D).map(move |e| (d, e)));
+            table.hessians.extend(pairs.map(|(d, e)| product(order(d, Some(e)))));
         }
     }
 }

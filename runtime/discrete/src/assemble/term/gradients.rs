@@ -110,7 +110,7 @@ impl AssembledTerm {
         let place = |(g, group): (usize, &Group)| group.here.cells.iter().position(|c| *c == cell).map(|e| (g, e));
         let (g, entity) = self.integrator.domain.groups.iter().enumerate().find_map(place)?;
         let (mut workspace, n_in) = (Workspace::default(), self.integrator.binding.inputs.len());
-        workspace.prepare(self.bound(mesh), g, entity / LANES, values);
+        workspace.prepare(self.bound_in_order(mesh), g, entity / LANES, values);
         let mut inputs: Vec<f64> = (0..n_in).map(|s| workspace.inputs[s * LANES + entity % LANES]).collect();
         let mut out = vec![0.0; self.law.residual.kernel().outputs.len()];
         let mut fluxes = Vec::with_capacity(gradients.len());
@@ -145,7 +145,7 @@ impl AssembledTerm {
         let place = |(g, group): (usize, &Group)| group.here.cells.iter().position(|c| *c == cell).map(|e| (g, e));
         let (g, entity) = self.integrator.domain.groups.iter().enumerate().find_map(place)?;
         let (mut workspace, n_in) = (Workspace::default(), self.integrator.binding.inputs.len());
-        workspace.prepare(self.bound(mesh), g, entity / LANES, values);
+        workspace.prepare(self.bound_in_order(mesh), g, entity / LANES, values);
         let mut inputs: Vec<f64> = (0..n_in).map(|s| workspace.inputs[s * LANES + entity % LANES]).collect();
         let entry = |e: u16| (usize::from(e) % dim, usize::from(e) / dim);
         let mut places = Vec::new();
@@ -190,7 +190,7 @@ impl AssembledTerm {
         let (mut workspace, mut scratch, mut out) = (Workspace::default(), Vec::new(), vec![[0.0; LANES]; n_out]);
         for (g, group) in domain.groups.iter().enumerate() {
             for batch in 0..group.n_batches() {
-                workspace.prepare(self.bound(mesh), g, batch, values);
+                workspace.prepare(self.bound_in_order(mesh), g, batch, values);
                 let inputs = workspace.inputs.as_chunks::<LANES>().0;
                 for q in 0..group.n_points() {
                     let at = &inputs[q * n_in..];
@@ -206,7 +206,7 @@ impl AssembledTerm {
                             std::array::from_fn(|i| std::array::from_fn(|j| of(i, j)))
                         });
                         let cell = group.here.cells[batch * LANES + lane];
-                        let position = (q == 0).then(|| mesh.point_at(cell, &group.here.geometry, 0));
+                        let position = (q == 0).then(|| group.position(mesh, batch * LANES + lane, 0));
                         f(&StressAt { cell, stress, gradient, weight: workspace.weight(q)[lane], position });
                     }
                 }
@@ -232,12 +232,11 @@ impl AssembledTerm {
             found.par_extend(batches.map_init(Workspace::default, of_batch).flatten());
         }
         let worst = found.iter().copied().reduce(|a, b| if b.determinant < a.determinant { b } else { a })?;
-        let here = &domain.groups[worst.group].here;
         Some(NegativeVolumes {
             n_cells: found.iter().map(|f| f.n_cells).sum(),
             of: domain.n_entities,
             smallest: worst.determinant,
-            position: mesh.point_at(here.cells[worst.entity], &here.geometry, worst.q),
+            position: domain.groups[worst.group].position(mesh, worst.entity, worst.q),
         })
     }
 
@@ -275,7 +274,7 @@ impl AssembledTerm {
         let group = &self.integrator.domain.groups[at.g];
         let (dim, n_in) = (self.integrator.domain.dim, self.integrator.binding.inputs.len());
         for (workspace, values) in workspaces.iter_mut().zip(ends) {
-            workspace.prepare_some(self.bound(mesh), at.g, at.batch, values, at.needs);
+            workspace.prepare_some(self.bound_in_order(mesh), at.g, at.batch, values, at.needs);
         }
         let [from, to] = workspaces.each_ref().map(|w| w.inputs.as_chunks::<LANES>().0.chunks_exact(n_in));
         let own = LANES.min(group.entities.len() - at.batch * LANES);
@@ -297,7 +296,7 @@ impl AssembledTerm {
     ) -> Option<Found> {
         let group = &self.integrator.domain.groups[at.g];
         let (dim, n_in) = (self.integrator.domain.dim, self.integrator.binding.inputs.len());
-        workspace.prepare_some(self.bound(mesh), at.g, at.batch, values, at.needs);
+        workspace.prepare_some(self.bound_in_order(mesh), at.g, at.batch, values, at.needs);
         let mut smallest: [(f64, usize); LANES] = [(f64::INFINITY, 0); LANES];
         for (q, inputs) in workspace.inputs.as_chunks::<LANES>().0.chunks_exact(n_in).take(group.n_points()).enumerate()
         {

@@ -72,15 +72,15 @@ impl AssembledTerm {
         }
         let place =
             |(g, group): (usize, &Group)| (0..group.entities.len()).find(|e| wanted(&group.here, *e)).map(|e| (g, e));
-        let (g, entity) = self.integrator.domain.groups.iter().enumerate().find_map(place)?;
+        let (g, entity) = self.assembled.domain.groups.iter().enumerate().find_map(place)?;
         let mut workspace = Workspace::default();
         workspace.prepare_some(self.bound(mesh), g, entity / LANES, values, &self.tangent_needs);
         if let Some(kernel) = &self.tangent {
             self.call(&**kernel, &mut workspace, g, self.entries.n_outputs);
         }
-        let (group, binding) = (&self.integrator.domain.groups[g], &self.integrator.binding.groups[g]);
+        let (group, binding) = (&self.assembled.domain.groups[g], &self.assembled.binding.groups[g]);
         contract::tangent(&mut workspace, &self.plans[g], &self.entries, group, binding, &self.uniforms);
-        let n = self.integrator.binding.groups[g].n_dofs();
+        let n = self.assembled.binding.groups[g].n_dofs();
         let dofs = &self.dofs[g][entity * n..][..n];
         let known: Vec<usize> = (0..n).filter(|k| dofs[*k] != NONE).collect();
         let sources = &self.plans[g].sources;
@@ -100,7 +100,7 @@ impl AssembledTerm {
         let place = |(g, group): (usize, &Group)| group.here.cells.iter().position(|c| *c == cell).map(|e| (g, e));
         let (g, entity) = self.integrator.domain.groups.iter().enumerate().find_map(place)?;
         let (mut workspace, n_in) = (Workspace::default(), self.integrator.binding.inputs.len());
-        workspace.prepare(self.bound(mesh), g, entity / LANES, values);
+        workspace.prepare(self.bound_in_order(mesh), g, entity / LANES, values);
         let inputs: Vec<f64> = (0..n_in).map(|s| workspace.inputs[s * LANES + entity % LANES]).collect();
         let law = &self.law;
         let mut out = vec![0.0; law.tangent.kernel().outputs.len()];
@@ -108,8 +108,8 @@ impl AssembledTerm {
         let slots = |(t, s): &(u16, u16)| (law.tests[usize::from(*t)], law.trials[usize::from(*s)]);
         let values = law.entries.iter().map(slots).zip(&out[law.tests.len()..]);
         let entries = values.map(|((test, trial), value)| (test, trial, *value)).collect();
-        let here = &self.integrator.domain.groups[g].here;
-        Some(PointTangent { entries, position: mesh.point_at(here.cells[entity], &here.geometry, 0) })
+        let position = self.integrator.domain.groups[g].position(mesh, entity, 0);
+        Some(PointTangent { entries, position })
     }
 
     /// Calls `f(fluxes by test slot, weight)` at every point, in the order of groups, entities and points.
@@ -123,7 +123,7 @@ impl AssembledTerm {
         for (g, group) in self.integrator.domain.groups.iter().enumerate() {
             let mut out = vec![[0.0; LANES]; group.n_points() * n_out];
             for batch in 0..group.n_batches() {
-                workspace.prepare(self.bound(mesh), g, batch, values);
+                workspace.prepare(self.bound_in_order(mesh), g, batch, values);
                 let inputs = workspace.inputs.as_chunks().0;
                 for (q, out) in out.chunks_exact_mut(n_out.max(1)).enumerate() {
                     interpret_lanes(&self.law.residual, &self.uniforms, &inputs[q * n_in..], &mut scratch, out);
@@ -181,7 +181,7 @@ impl AssembledTerm {
                 return ControlFlow::Continue(());
             }
             let (group, k) = (point.group, point.entity);
-            let position = mesh.point_at(group.here.cells[k], &group.here.geometry, point.q);
+            let position = group.position(mesh, k, point.q);
             ControlFlow::Break(BadPoint { inputs: inputs.to_vec(), entity: group.entities[k], q: point.q, position })
         })
         .break_value()
@@ -211,7 +211,7 @@ impl AssembledTerm {
         let mut workspace = Workspace::default();
         for (g, group) in self.integrator.domain.groups.iter().enumerate() {
             for batch in 0..group.n_batches() {
-                workspace.prepare(self.bound(mesh), g, batch, values);
+                workspace.prepare(self.bound_in_order(mesh), g, batch, values);
                 for lane in 0..LANES.min(group.entities.len() - batch * LANES) {
                     for q in 0..group.n_points() {
                         let inputs: Vec<f64> =

@@ -22,6 +22,8 @@ pub(super) struct Moving {
     starts: Vec<Option<usize>>,
     /// The term at the last state; its places in the matrix once a tangent was asked for.
     last: Mutex<Option<Arc<AssembledTerm>>>,
+    /// The last one whose tangent was made: plans and most places are those of the next one.
+    placed: Mutex<Option<Arc<AssembledTerm>>>,
 }
 
 /// A copy finds its own images.
@@ -33,11 +35,29 @@ impl Clone for Moving {
 
 impl Moving {
     pub(super) fn new(starts: &[Option<usize>]) -> Self {
-        Self { starts: starts.to_vec(), last: Mutex::default() }
+        Self { starts: starts.to_vec(), last: Mutex::default(), placed: Mutex::default() }
     }
 
     pub(super) fn forget(&mut self) {
         self.last = Mutex::default();
+    }
+
+    /// Forgets what belongs to a pattern.
+    pub(super) fn forget_places(&mut self) {
+        self.placed = Mutex::default();
+    }
+
+    fn keep(&self, term: &Arc<AssembledTerm>) {
+        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(term));
+    }
+
+    fn placed(&self) -> Option<Arc<AssembledTerm>> {
+        self.placed.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn keep_placed(&self, term: &Arc<AssembledTerm>) {
+        self.keep(term);
+        *self.placed.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(term));
     }
 }
 
@@ -55,33 +75,34 @@ impl AssembledTerm {
         let made = Arc::new(Self {
             dofs: Arc::new(dofs),
             plans: Arc::default(),
+            assembled: integrator.clone(),
             integrator,
             scatters: Arc::default(),
             kept: Default::default(),
             moving: None,
             ..self.clone()
         });
-        *last() = Some(Arc::clone(&made));
+        moving.keep(&made);
         Some(made)
     }
 
-    /// The same with what its tangent is made by: one plan for all points whose functions are the same.
+    /// The same with what its tangent is made by: the plans of the state before where the functions are the same.
     pub(super) fn moved_with_plans(&self, mesh: &Mesh, values: FieldValues<'_>) -> Option<Arc<Self>> {
         let moved = self.moved(mesh, values)?;
         if moved.plans.len() == moved.dofs.len() {
             return Some(moved);
         }
-        let binding = &moved.integrator.binding;
-        let mut known = BTreeMap::new();
-        let plan = |g: usize| {
-            let new = || Arc::new(TangentPlan::new(binding, g, &self.entries));
-            Arc::clone(known.entry(binding.groups[g].functions()).or_insert_with(new))
+        let moving = self.moving.as_ref()?;
+        let (binding, before) = (&moved.integrator.binding, moving.placed());
+        let known = |g: usize| {
+            let (before, own) = (before.as_ref()?, &binding.groups[g]);
+            let other = before.integrator.binding.groups.get(g)?;
+            (own.functions() == other.functions()).then(|| Arc::clone(&before.plans[g]))
         };
-        let plans = (0..binding.groups.len()).map(plan).collect();
+        let new = |g: usize| Arc::new(TangentPlan::new(binding, g, &self.entries));
+        let plans = (0..binding.groups.len()).map(|g| known(g).unwrap_or_else(|| new(g))).collect();
         let planned = Arc::new(Self { plans: Arc::new(plans), ..(*moved).clone() });
-        if let Some(moving) = &self.moving {
-            *moving.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&planned));
-        }
+        moving.keep(&planned);
         Some(planned)
     }
 
@@ -91,12 +112,11 @@ impl AssembledTerm {
         if moved.located.is_none() || !moved.scatters.is_empty() {
             return Some(moved);
         }
+        let moving = self.moving.as_ref()?;
         let mut placed = (*moved).clone();
-        let _ = placed.place();
+        let _ = placed.place(moving.placed().as_deref());
         let placed = Arc::new(placed);
-        if let Some(moving) = &self.moving {
-            *moving.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&placed));
-        }
+        moving.keep_placed(&placed);
         Some(placed)
     }
 
@@ -124,30 +144,40 @@ impl AssembledTerm {
         } else {
             let mut placed = (*moved).clone();
             placed.forget_places();
-            placed.located = Some(Arc::new(Located { pattern: Arc::clone(on.0), rows: on.1.to_vec(), share: None }));
-            if !placed.place() {
+            let before = moving.placed();
+            let same = before.as_ref().and_then(|b| b.located.as_ref()).filter(|l| Arc::ptr_eq(&l.pattern, on.0));
+            let new = || Arc::new(Located { pattern: Arc::clone(on.0), rows: on.1.to_vec(), share: None });
+            placed.located = Some(same.cloned().unwrap_or_else(new));
+            if !placed.place(before.as_deref()) {
                 return Ok(false);
             }
             let placed = Arc::new(placed);
-            *moving.last.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&placed));
+            moving.keep_placed(&placed);
             placed
         };
         placed.tangent_into(mesh, values, matrix, false)?;
         Ok(true)
     }
 
-    /// Finds the places of all groups in the located pattern. False if it lacks an image; what stands in for one that is not
-    /// found needs no place.
+    /// Finds the places of all groups in the located pattern, most of them where `before` had them. False if it lacks an
+    /// image; what stands in for one that is not found needs no place.
     #[must_use]
-    pub(super) fn place(&mut self) -> bool {
+    pub(super) fn place(&mut self, before: Option<&Self>) -> bool {
         let Some(located) = self.located.clone() else { return true };
         let mut is_complete = true;
         let owns = |dof: u32| located.share.as_ref().is_none_or(|share| share.owns(dof as usize));
+        let in_it = before.filter(|b| b.located.as_ref().is_some_and(|l| Arc::ptr_eq(l, &located)));
         let mut place = |g: usize| {
-            let (binding, plan) = (&self.integrator.binding.groups[g], &self.plans[g]);
-            let mut scatter = Scatter::new(binding, &plan.sources, plan.n_local);
-            let has_all = scatter.locate(binding.n_dofs(), &self.dofs[g], &located.pattern, &located.rows, owns);
-            is_complete &= has_all || self.integrator.domain.groups[g].has_lost_its_image();
+            let (binding, plan) = (&self.assembled.binding.groups[g], &self.plans[g]);
+            let group = &self.assembled.domain.groups[g];
+            let like = before.filter(|b| b.plans.get(g).is_some_and(|p| Arc::ptr_eq(p, plan)));
+            let like = like.and_then(|b| Some((b, b.scatters.get(g)?)));
+            let new = || Scatter::new(binding, &plan.sources, plan.n_local);
+            let mut scatter = like.map_or_else(new, |(_, scatter)| scatter.without_places());
+            let known = like.filter(|_| in_it.is_some()).map(|(b, scatter)| (scatter, b.dofs[g].as_slice()));
+            let (pattern, rows) = (&*located.pattern, located.rows.as_slice());
+            scatter.locate(binding.n_dofs(), &self.dofs[g], (pattern, rows), owns, known);
+            is_complete &= scatter.lacking().iter().all(|k| group.has_lost_its_image(*k));
             scatter
         };
         let scatters = (0..self.dofs.len()).map(&mut place).collect();
@@ -186,23 +216,25 @@ impl AssembledTerm {
         let number: BTreeMap<_, usize> = points.targets().enumerate().map(|(k, facet)| (facet, k)).collect();
         let mut known: BTreeSet<(usize, usize)> = BTreeSet::new();
         for (g, group) in moved.integrator.domain.groups.iter().enumerate() {
-            let facet = group.there.as_ref().and_then(|side| side.facets.first());
-            let Some(image) = facet.filter(|_| !group.has_lost_its_image()).and_then(|facet| number.get(facet)) else {
-                continue;
-            };
-            let own = self.own_dofs(g);
-            for k in around[*image].iter().filter(|k| known.insert((group.entities[0], **k))) {
-                let both = [own.as_slice(), &behind[*k]].concat();
-                f(&both, &both);
+            for entity in (0..group.entities.len()).filter(|k| !group.has_lost_its_image(*k)) {
+                let facet = group.there.as_ref().and_then(|side| side.facets.get(entity));
+                let Some(image) = facet.and_then(|facet| number.get(facet)) else { continue };
+                let own = self.own_dofs(g, entity);
+                for k in around[*image].iter().filter(|k| known.insert((group.entities[entity], **k))) {
+                    let both = [own.as_slice(), &behind[*k]].concat();
+                    f(&both, &both);
+                }
             }
         }
     }
 
-    /// The dofs on the side of the points that a group has.
-    fn own_dofs(&self, group: usize) -> Vec<u32> {
-        let bases = self.integrator.binding.groups[group].bases.iter().filter(|b| b.side == Side::Here);
+    /// The dofs on the side of the points that an entity has.
+    fn own_dofs(&self, group: usize, entity: usize) -> Vec<u32> {
+        let binding = &self.integrator.binding.groups[group];
+        let bases = binding.bases.iter().filter(|b| b.side == Side::Here);
         let locals = bases.flat_map(|b| b.offset..b.offset + b.n_dofs());
-        locals.map(|k| self.dofs[group][k]).filter(|dof| *dof != NONE).collect()
+        let dofs = &self.dofs[group][entity * binding.n_dofs()..];
+        locals.map(|k| dofs[k]).filter(|dof| *dof != NONE).collect()
     }
 
     /// Calls `f` with dofs that the tangent may couple at some state: rows, columns.
@@ -214,14 +246,16 @@ impl AssembledTerm {
         behind.iter().for_each(|dofs| f(dofs, dofs));
         let mut last: Option<(usize, Vec<u32>)> = None;
         for (g, group) in self.integrator.domain.groups.iter().enumerate() {
-            let own = self.own_dofs(g);
-            if last.as_ref().is_some_and(|(entity, known)| *entity == group.entities[0] && *known == own) {
-                continue;
+            for (k, entity) in group.entities.iter().enumerate() {
+                let own = self.own_dofs(g, k);
+                if last.as_ref().is_some_and(|(before, known)| before == entity && *known == own) {
+                    continue;
+                }
+                let columns = [own.as_slice(), &all].concat();
+                f(&own, &columns);
+                f(&all, &own);
+                last = Some((*entity, own));
             }
-            let columns = [own.as_slice(), &all].concat();
-            f(&own, &columns);
-            f(&all, &own);
-            last = Some((group.entities[0], own));
         }
     }
 }

@@ -43,7 +43,7 @@ impl AssembledTerm {
         if let Some(moved) = self.moved(mesh, values) {
             return moved.add_own_summands(mesh, values, out, share);
         }
-        let binding = &self.integrator.binding;
+        let binding = &self.assembled.binding;
         let n_out = binding.tests.len();
         let out = shared(out);
         self.share_out(mesh, share, |workspace, duties, owns| {

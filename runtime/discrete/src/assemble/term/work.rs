@@ -49,6 +49,7 @@ impl Clone for AssembledTerm {
         Self {
             law: Arc::clone(&self.law),
             integrator: self.integrator.clone(),
+            assembled: self.assembled.clone(),
             place: self.place.clone(),
             residual: Arc::clone(&self.residual),
             tangent: self.tangent.clone(),
@@ -72,13 +73,13 @@ impl Clone for AssembledTerm {
 impl AssembledTerm {
     /// Who computes what on the threads of the current pool that are worth while.
     fn shares(&self, mesh: &Mesh, share: Option<&Share>, kept: &mut Kept) -> Arc<Shares> {
-        let domain = &self.integrator.domain;
+        let domain = &self.assembled.domain;
         let n = Shares::count(domain, rayon::current_num_threads());
         if let Some(shares) = kept.shares.as_ref().filter(|s| s.duties.len() == n) {
             return shares.clone();
         }
         kept.forget_places();
-        let made = Shares::new(mesh, domain, &self.integrator.binding, &self.touched(), share, n);
+        let made = Shares::new(mesh, domain, &self.assembled.binding, &self.touched(), share, n);
         kept.shares.insert(Arc::new(made)).clone()
     }
 
@@ -96,8 +97,9 @@ impl AssembledTerm {
         let Located { pattern, rows: free, share } = located;
         let mut kept = self.kept(share.as_deref()).lock().unwrap_or_else(PoisonError::into_inner);
         let shares = self.shares(mesh, share.as_deref(), &mut kept);
-        let rows = || Arc::new(Rows::new(pattern, free, &shares, &self.touched()));
-        let rows = kept.rows.get_or_insert_with(rows).clone();
+        let known = kept.rows.take().filter(|rows| rows.can_clear() || !is_new);
+        let rows = || Arc::new(Rows::new(pattern, free, &shares, &self.touched(), is_new));
+        let rows = kept.rows.insert(known.unwrap_or_else(rows)).clone();
         let halves = || Arc::new(Halves::new(&self.scatters, &shares, pattern.n_entries()));
         let halves = is_new.then(|| kept.halves.get_or_insert_with(halves).clone());
         (shares, rows, halves)
@@ -105,6 +107,9 @@ impl AssembledTerm {
 
     /// Forgets what belongs to a pattern.
     pub(super) fn forget_places(&mut self) {
+        if let Some(moving) = &mut self.moving {
+            moving.forget_places();
+        }
         for kept in &mut self.kept {
             kept.get_mut().unwrap_or_else(PoisonError::into_inner).forget_places();
         }
@@ -116,7 +121,7 @@ impl AssembledTerm {
     }
 
     fn touched(&self) -> Touched<'_> {
-        Touched::new(&self.integrator.domain, &self.integrator.binding, &self.dofs)
+        Touched::new(&self.assembled.domain, &self.assembled.binding, &self.dofs)
     }
 
     pub(super) fn with_workspace(&self, work: impl FnOnce(&mut Workspace)) {
