@@ -10,6 +10,7 @@ mod edges;
 mod moving;
 mod points;
 mod rays;
+mod segments;
 mod shifts;
 
 use std::{
@@ -20,6 +21,7 @@ use std::{
 pub use edges::Edge;
 pub use moving::{Follows, ImageMotion, MovingPoints};
 pub use rays::ImageSearch;
+pub use segments::Cut;
 pub use shifts::ShiftCheck;
 use wfl_compiler::{ir::LANES, types::EntityGeometry};
 

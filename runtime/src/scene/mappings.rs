@@ -19,7 +19,7 @@ use wfl_compiler::{
 };
 
 use crate::{
-    assemble::{Domain, Follows, ImageSearch, MovingPoints},
+    assemble::{Cut, Domain, Follows, ImageSearch, MovingPoints},
     field::{Field, FieldSpace},
     finite::{BadGiven, NotFinite},
     mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet, SupportSet},
@@ -261,6 +261,8 @@ pub(super) fn fields_there<'s>(inputs: &[InputSlot], others: impl IntoIterator<I
 pub(super) struct Through {
     pub(super) mapping: usize,
     pub(super) there: Vec<usize>,
+    /// Faces are cut by those that the mapping leads to: the degree of the rule on each piece.
+    pub(super) pieces: Option<usize>,
 }
 
 impl Mappings {
@@ -324,7 +326,8 @@ impl Mappings {
                     diagnostics.push(d);
                     return None;
                 }
-                let made = moving_points(mesh, fields, base, onto, *moves, *reach);
+                let search = ImageSearch { by: moves.by, reach: *reach, pieces: through.pieces };
+                let made = moving_points(mesh, fields, base, onto, *moves, search);
                 if made.is_none() {
                     diagnostics.push(no_faces(name, span));
                 }
@@ -335,7 +338,18 @@ impl Mappings {
                     diagnostics.push(d);
                     return None;
                 }
-                Domain::mapped(mesh, base, |x, normal| match (raytrace, normal) {
+                let cut = through.pieces.map(|degree| {
+                    let cut = Cut { onto: finder.facets(), reach: *reach, is_facing: *raytrace, degree };
+                    Domain::segments(mesh, base, cut)
+                });
+                let cut = match cut.transpose() {
+                    Ok(cut) => cut,
+                    Err(e) => {
+                        diagnostics.push(Diagnostic::new(Code::E411, e.to_string()).at(span, ""));
+                        return None;
+                    }
+                };
+                Domain::mapped(mesh, cut.as_ref().unwrap_or(base), |x, normal| match (raytrace, normal) {
                     (true, Some(n)) => finder.hit(mesh, x, n, *reach),
                     _ => finder.nearest(mesh, x, *reach),
                 })
@@ -384,14 +398,14 @@ fn moving_points(
     base: &Domain,
     onto: &[FacetRef],
     moves: Moves,
-    reach: f64,
+    search: ImageSearch,
 ) -> Option<Arc<Domain>> {
     let follows = |field: FieldId| match &fields[field.index()].space {
         FieldSpace::Nodal(space) => Some(Follows { field: field.index(), space: space.clone() }),
         FieldSpace::Global | FieldSpace::Points(_) => None,
     };
     let bodies = [follows(moves.here)?, follows(moves.there)?];
-    let points = MovingPoints::new(mesh, base, onto, bodies, ImageSearch { by: moves.by, reach })?;
+    let points = MovingPoints::new(mesh, base, onto, bodies, search)?;
     Some(Arc::new(points).at(mesh, &[]))
 }
 

@@ -20,7 +20,7 @@ mod strips;
 mod term;
 
 pub use crate::domain::{
-    Domain, Follows, Group, GroupSide, ImageSearch, MovingPoints, Over, Places, entity_geometries,
+    Cut, Domain, Follows, Group, GroupSide, ImageSearch, MovingPoints, Over, Places, entity_geometries,
 };
 pub use binding::{Basis, Binding, GroupBinding, Input, Integrator, LawSlots, Needs, SlotPlace};
 pub use branches::BranchCounts;

@@ -75,7 +75,7 @@ pub(super) struct Target {
     /// Of its cell in the space of the displacement.
     position: usize,
     /// By side of the reference facet: how far outside of it a hit may lie.
-    margins: [f64; 4],
+    pub(super) margins: [f64; 4],
 }
 
 /// How the images of points are looked for.
@@ -85,13 +85,15 @@ pub struct ImageSearch {
     pub by: ImageBy,
     /// The longest distance to an image.
     pub reach: f64,
+    /// Faces are cut by those that images lie on, and each piece has a rule of this degree.
+    pub pieces: Option<usize>,
 }
 
 /// The faces that images may lie on, with the space of the displacement behind them.
 #[derive(Clone, Debug)]
 pub(super) struct Targets {
     pub(super) list: Vec<Target>,
-    space: Space,
+    pub(super) space: Space,
     by: ImageBy,
     pub(super) reach: f64,
     pub(super) tree: BoxTree,
@@ -159,7 +161,7 @@ impl Targets {
             Some(Target { facet: *facet, position: space.position_of_cell(facet.cell)?, margins })
         };
         let list = facets.iter().map(target).collect::<Option<Vec<_>>>()?;
-        let ImageSearch { by, reach } = search;
+        let ImageSearch { by, reach, pieces: _ } = search;
         let mut made = Self { list, space, by, reach, tree: BoxTree::default() };
         made.tree = BoxTree::new(&made.faces(mesh, &[]));
         Some(made)
