@@ -354,7 +354,8 @@ impl<'d> Resolver<'d> {
             let mappings = self.names.values.iter().filter(|(_, (kind, _))| *kind == Kind::Mapping);
             let found = kind.map_or("unknown".to_owned(), |kind| format!("a {}", kind.word()));
             let d = Diagnostic::new(Code::E201, format!("`{}` is no mapping", name.name)).at(name.span, found);
-            self.diagnostics.push(d.did_you_mean(name.span, nearest(&name.name, mappings.map(|(name, _)| name.as_str()))));
+            self.diagnostics
+                .push(d.did_you_mean(name.span, nearest(&name.name, mappings.map(|(name, _)| name.as_str()))));
         }
         None
     }

@@ -21,7 +21,7 @@ use std::{
 pub use edges::Edge;
 pub use moving::{Follows, ImageMotion, MovingPoints};
 pub use rays::ImageSearch;
-pub use segments::Cut;
+pub use segments::{Cut, PointName, nearest_points};
 pub use shifts::ShiftCheck;
 use wfl_compiler::{ir::LANES, types::EntityGeometry};
 

@@ -113,7 +113,10 @@ impl TermMaker<'_> {
         let mut here = laws.iter().filter(is_here).peekable();
         let is_measured = self.parts.script.reductions().flat_map(|m| &m.places);
         let mut is_measured = is_measured.filter(|p| statement.places.iter().any(|q| q.name == p.name));
-        if is_measured.next().is_some() || here.peek().is_none() || here.any(|l| l.law.listing.graph.mapping == Some(mapping)) {
+        if is_measured.next().is_some()
+            || here.peek().is_none()
+            || here.any(|l| l.law.listing.graph.mapping == Some(mapping))
+        {
             return;
         }
         let name = &self.parts.env.mappings[mapping].name;

@@ -138,11 +138,7 @@ impl Builder<'_> {
                 _ => {
                     let rule = self.rule_of_measure(measure, &law, &place.name, rules);
                     let there = mappings::fields_there(&law.inputs, []);
-                    let through = law.mapping.map(|mapping| mappings::Through {
-                        mapping,
-                        there,
-                        pieces: None,
-                    });
+                    let through = law.mapping.map(|mapping| mappings::Through { mapping, there, pieces: None });
                     let parts = self.parts_of_measure(measure, set.as_ref(), &law, rule);
                     self.domain(&(place.name.clone(), set, through), PointsOf { rule, parts }, measure.expr.span)
                 }

@@ -170,7 +170,10 @@ impl Builder<'_> {
                 let names: Vec<&str> = shared.states.iter().map(|k| self.fields[*k].name.as_str()).collect();
                 let d = Diagnostic::new(
                     Code::E411,
-                    format!("the state `{}` has values at points of a rule, and segments have others", names.join("`, `")),
+                    format!(
+                        "the state `{}` has values at points of a rule, and segments have others",
+                        names.join("`, `")
+                    ),
                 );
                 let d = d.at(statement.span, "cut where edges pass, which changes as the bodies slide");
                 self.diagnostics.push(d.help("quadrature on the region degree n keeps its points"));

@@ -6,7 +6,7 @@ use wfl_tests::Sequence;
 
 /// What a block is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Cells {
+pub(crate) enum Cells {
     Quadrilaterals,
     Triangles,
     Hexahedra,
@@ -18,27 +18,27 @@ pub enum Cells {
 
 /// A block over a square (a segment in the plane).
 #[derive(Clone, Copy, Debug)]
-pub struct Block {
-    pub cells: Cells,
+pub(crate) struct Block {
+    pub(crate) cells: Cells,
     /// Cells along each edge of the square.
-    pub n: usize,
+    pub(crate) n: usize,
     /// Part of a cell by which inner nodes are moved along the square.
-    pub amount: f64,
+    pub(crate) amount: f64,
 }
 
 /// Two blocks of height 1/2 over unit squares.
 #[derive(Clone, Copy, Debug)]
-pub struct Blocks {
-    pub dim: usize,
-    pub lower: Block,
-    pub upper: Block,
+pub(crate) struct Blocks {
+    pub(crate) dim: usize,
+    pub(crate) lower: Block,
+    pub(crate) upper: Block,
     /// By how much the upper one is moved along the square.
-    pub shift: [f64; 2],
+    pub(crate) shift: [f64; 2],
     /// The angle by which it is turned in it.
-    pub turn: f64,
+    pub(crate) turn: f64,
     /// Angles by which everything is turned about the first and the last axis.
-    pub turned: [f64; 2],
-    pub seed: u64,
+    pub(crate) turned: [f64; 2],
+    pub(crate) seed: u64,
 }
 
 /// Nodes, and elements with their kind and their group as Gmsh numbers them.
@@ -49,18 +49,18 @@ struct Made {
 }
 
 /// Names of the groups, from 1.
-pub const GROUPS: [&str; 8] = ["lower", "upper", "floor", "sole", "base", "lid", "walls", "sides"];
+const GROUPS: [&str; 8] = ["lower", "upper", "floor", "sole", "base", "lid", "walls", "sides"];
 
 impl Blocks {
     /// Both with these cells, matching where `n` are equal.
-    pub fn of(dim: usize, lower: (Cells, usize), upper: (Cells, usize)) -> Self {
+    pub(crate) fn of(dim: usize, lower: (Cells, usize), upper: (Cells, usize)) -> Self {
         let block = |(cells, n)| Block { cells, n, amount: 0.0 };
         let (lower, upper) = (block(lower), block(upper));
         Self { dim, lower, upper, shift: [0.0; 2], turn: 0.0, turned: [0.0; 2], seed: 1 }
     }
 
     /// The position of a point of the blocks in the mesh.
-    pub fn place(&self, x: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn place(&self, x: [f64; 3]) -> [f64; 3] {
         let [a, b] = self.turned;
         let about_last = |[x, y, z]: [f64; 3]| [x * b.cos() - y * b.sin(), x * b.sin() + y * b.cos(), z];
         if self.dim == 2 {
@@ -71,7 +71,7 @@ impl Blocks {
     }
 
     /// A file for Gmsh 2.2.
-    pub fn mesh(&self) -> String {
+    pub(crate) fn mesh(&self) -> String {
         let mut made = Made::default();
         self.add(&mut made, false);
         self.add(&mut made, true);
@@ -134,7 +134,12 @@ impl Blocks {
 }
 
 /// Cells and faces of a block in the plane: groups of the cells, the faces below, those above and those beside.
-fn plane(made: &mut Made, block: Block, [cells, below, above, walls]: [usize; 4], node: &dyn Fn(usize, usize) -> usize) {
+fn plane(
+    made: &mut Made,
+    block: Block,
+    [cells, below, above, walls]: [usize; 4],
+    node: &dyn Fn(usize, usize) -> usize,
+) {
     for i in 0..block.n {
         let [a, b, c, d] = [node(i, 0), node(i + 1, 0), node(i + 1, 1), node(i, 1)];
         if block.cells == Cells::Triangles {

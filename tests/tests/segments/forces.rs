@@ -14,8 +14,8 @@ fn scene(name: &str, blocks: &Blocks, degree: usize) -> Scene {
 mesh file \"body.msh\"
 region top = floor
 region bottom = sole
-unknown a : vector P1 on upper
-unknown b : vector P1 on lower
+unknown a : vector on upper
+unknown b : vector on lower
 term upper on upper : Grad_a:Grad_Test_a
 term lower on lower : Grad_b:Grad_Test_b
 mapping m = raytrace from sole onto floor within 0.3
@@ -132,7 +132,8 @@ fn common(a: &[[f64; 2]], b: &[[f64; 2]]) -> [f64; 3] {
     let sides = |p: &[[f64; 2]]| -> Vec<[[f64; 2]; 2]> { (0..p.len()).map(|k| [p[k], p[(k + 1) % p.len()]]).collect() };
     let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
     let minus = |a: [f64; 2], b: [f64; 2]| [a[0] - b[0], a[1] - b[1]];
-    let is_in = |p: [f64; 2], of: &[[f64; 2]]| sides(of).iter().all(|[x, y]| cross(minus(*y, *x), minus(p, *x)) >= -1e-13);
+    let is_in =
+        |p: [f64; 2], of: &[[f64; 2]]| sides(of).iter().all(|[x, y]| cross(minus(*y, *x), minus(p, *x)) >= -1e-13);
     let mut corners: Vec<[f64; 2]> = a.iter().copied().filter(|p| is_in(*p, b)).collect();
     corners.extend(b.iter().copied().filter(|p| is_in(*p, a)));
     for [p, q] in sides(a) {

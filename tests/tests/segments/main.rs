@@ -3,6 +3,7 @@
 
 mod blocks;
 mod forces;
+mod moving;
 mod patches;
 
 use wfl_tests::{MeshFolder, Solved, attempt};

@@ -14,7 +14,7 @@ const MODULUS: f64 = 0.9 + 2.0 * 0.4;
 
 /// How the sides meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Law {
+pub(crate) enum Law {
     Penalty,
     Nitsche(i32),
 }
@@ -28,7 +28,9 @@ fn fixed(blocks: &Blocks, word: &str, law: Law, rule: &str) -> String {
         format!("[{}]", entries.join(", "))
     };
     let law = match law {
-        Law::Penalty => "term contact on sole : gamma*pos_part(-gap)*(Normal.(Test_a - Interpolate(Test_b, m)))\n".to_owned(),
+        Law::Penalty => {
+            "term contact on sole : gamma*pos_part(-gap)*(Normal.(Test_a - Interpolate(Test_b, m)))\n".to_owned()
+        }
         Law::Nitsche(theta) => format!(
             "param theta = {theta}
 def t = sigma(Grad_a)*Normal
@@ -41,8 +43,8 @@ term contact on sole : pressure*(Normal.(Test_a - Interpolate(Test_b, m)) - thet
     format!(
         "wfl 1
 mesh file \"body.msh\"
-unknown a : vector P1 on upper
-unknown b : vector P1 on lower
+unknown a : vector on upper
+unknown b : vector on lower
 def sigma(g) = 0.9*Trace(g)*Id({dim}) + 0.4*(g + g')
 term upper on upper : sigma(Grad_a):Grad_Test_a
 term lower on lower : sigma(Grad_b):Grad_Test_b
@@ -62,7 +64,7 @@ fix b.Normal = 0 on walls
 }
 
 /// The largest deviation of a displacement from the exact one, over the largest displacement.
-pub fn error(found: &Solved, blocks: &Blocks, overlap: f64, slope: f64) -> f64 {
+pub(crate) fn error(found: &Solved, blocks: &Blocks, slope: f64) -> f64 {
     let system = &found.outcome.equations.system;
     let u = &found.outcome.steps.last().expect("states are kept").state;
     let up = blocks.place(if blocks.dim == 2 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] });
@@ -76,7 +78,6 @@ pub fn error(found: &Solved, blocks: &Blocks, overlap: f64, slope: f64) -> f64 {
             error = own.iter().zip(up).fold(error, |m, (u, up)| m.max((u - exact * up).abs()));
         }
     }
-    assert!(overlap >= 0.0);
     error / PRESS
 }
 
@@ -85,10 +86,17 @@ fn patch(name: &str, blocks: &Blocks, word: &str, law: Law, rule: &str) -> f64 {
     let found = solved(name, blocks, &fixed(blocks, word, law, rule));
     // strain e in both, overlap p/gamma: PRESS = e + p/gamma with p = MODULUS e
     let slope = if law == Law::Penalty { PRESS / (1.0 + MODULUS / GAMMA) } else { PRESS };
-    error(&found, blocks, PRESS - slope, slope)
+    error(&found, blocks, slope)
 }
 
-const LAWS: [Law; 4] = [Law::Penalty, Law::Nitsche(1), Law::Nitsche(0), Law::Nitsche(-1)];
+/// Laws with the word that finds their images.
+const CASES: [(Law, &str); 5] = [
+    (Law::Penalty, "raytrace"),
+    (Law::Penalty, "project"),
+    (Law::Nitsche(1), "raytrace"),
+    (Law::Nitsche(0), "raytrace"),
+    (Law::Nitsche(-1), "raytrace"),
+];
 
 fn segments(degree: usize) -> String {
     format!("quadrature on sole segments of m degree {degree}")
@@ -110,11 +118,11 @@ fn a_constant_stress_passes_through_faces_that_do_not_match() {
         let has_parallelograms = |cells| matches!(cells, Hexahedra | Pyramids);
         blocks.lower.amount = if has_parallelograms(lower.0) { 0.0 } else { 0.3 };
         blocks.upper.amount = if has_parallelograms(upper.0) { 0.0 } else { 0.3 };
-        for law in LAWS {
-            for word in ["raytrace", "project"] {
-                let found = patch(&format!("patch{k}"), &blocks, word, law, &segments(2));
-                assert!(found < 1e-12, "{dim} {lower:?} {upper:?} {law:?} {word}: {found:e}");
-            }
+        // without optimisation three of them
+        let n = if cfg!(debug_assertions) { 3 } else { CASES.len() };
+        for (law, word) in CASES[..n].iter().copied() {
+            let found = patch(&format!("patch{k}"), &blocks, word, law, &segments(2));
+            assert!(found < 1e-12, "{dim} {lower:?} {upper:?} {law:?} {word}: {found:e}");
         }
         // what is cut makes the difference
         let plain = patch(&format!("plain{k}"), &blocks, "raytrace", Law::Penalty, "quadrature on sole degree 5");
@@ -124,8 +132,9 @@ fn a_constant_stress_passes_through_faces_that_do_not_match() {
 
 #[test]
 fn a_constant_stress_passes_through_distorted_quadrilaterals() {
-    let mut blocks = Blocks::of(3, (Hexahedra, 3), (Hexahedra, 4));
-    (blocks.lower.amount, blocks.upper.amount) = (0.3, 0.3);
+    // distorted as much as those of the reference: by 0.05
+    let mut blocks = Blocks::of(3, (Hexahedra, 3), (Hexahedra, 2));
+    (blocks.lower.amount, blocks.upper.amount) = (0.15, 0.1);
     let errors = [2, 4, 6].map(|n| patch("distorted", &blocks, "raytrace", Law::Penalty, &segments(n)));
     assert!(errors[1] < 1e-7, "{errors:?}");
     assert!(errors[0] > 10.0 * errors[1] && errors[1] > 3.0 * errors[2], "{errors:?}");

@@ -12,7 +12,7 @@ use wfl_compiler::{
     types::{BasisSlot, FieldId, FieldOp, InputSlot, RateOrder, Side},
 };
 
-use crate::domain::{Domain, Group};
+use crate::domain::{Domain, Group, PointName, nearest_points};
 use crate::{
     assemble::simd::Lanes,
     field::{Field, FieldError, FieldSpace},
@@ -212,6 +212,25 @@ pub struct Binding {
     pub needs: Needs,
     /// What binds the law again where the images of its points follow the bodies.
     moving: Option<Arc<Rebinding>>,
+    /// Where points are others in each state: the values at points that were given for those of another one.
+    carried: Vec<Carried>,
+}
+
+/// Values at the points of one state for those of another: that of the nearest point of the face.
+#[derive(Clone, Debug, PartialEq)]
+struct Carried {
+    field: usize,
+    /// By point of the domain the number of the point that the value is taken from.
+    nodes: Vec<u32>,
+}
+
+/// What a law that is bound again has from before.
+#[derive(Default)]
+struct Again<'a> {
+    /// The binding on the same points with other images.
+    known: Option<&'a Binding>,
+    /// Values that were given at other points.
+    carried: Vec<Carried>,
 }
 
 /// A law on points whose images move, and where it was bound last.
@@ -243,13 +262,17 @@ impl Integrator {
     pub fn at(&self, mesh: &Mesh, current: &[&[f64]]) -> Self {
         let (Some(points), Some(of)) = (&self.domain.moving, &self.binding.moving) else { return self.clone() };
         let domain = points.at(mesh, current);
+        let carried = if points.are_of_pieces() { of.carried(&domain, current) } else { Vec::new() };
         let last = || of.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(made) = last().as_ref().filter(|made| Arc::ptr_eq(&made.domain, &domain)) {
+        if let Some(made) =
+            last().as_ref().filter(|made| Arc::ptr_eq(&made.domain, &domain) && made.binding.carried == carried)
+        {
             return made.clone();
         }
         let slots = LawSlots { inputs: &of.inputs, tests: &of.tests, trials: &of.trials };
-        let binding = Binding::fixed(mesh, &domain, &of.fields, slots, Some(&self.binding))
-            .expect("fields live behind all faces");
+        let known = Some(&*self.binding).filter(|_| !points.are_of_pieces());
+        let binding = Binding::fixed(mesh, &domain, &of.fields, slots, Again { known, carried });
+        let binding = binding.expect("fields live behind all faces");
         let made = Self { domain, binding: Arc::new(binding) };
         *last() = Some(made.clone());
         made
@@ -298,7 +321,7 @@ impl Binding {
     /// # Errors
     /// [`FieldError`] when a field has no dofs on an entity of the domain.
     pub fn new(mesh: &Mesh, domain: &Domain, fields: &[Field], law: LawSlots<'_>) -> Result<Self, FieldError> {
-        let mut made = Self::fixed(mesh, domain, fields, law, None)?;
+        let mut made = Self::fixed(mesh, domain, fields, law, Again::default())?;
         made.moving = domain.moving.as_ref().map(|_| {
             Arc::new(Rebinding {
                 fields: fields.to_vec(),
@@ -311,14 +334,15 @@ impl Binding {
         Ok(made)
     }
 
-    /// The same with the images as they are; `known` is one on the same points with other images.
+    /// The same with the images as they are.
     fn fixed(
         mesh: &Mesh,
         domain: &Domain,
         fields: &[Field],
         law: LawSlots<'_>,
-        known: Option<&Self>,
+        again: Again<'_>,
     ) -> Result<Self, FieldError> {
+        let Again { known, carried } = again;
         let mut pairs: BTreeMap<(FieldId, Side), usize> = BTreeMap::new();
         let mut note = |slot: &BasisSlot| {
             let order = pairs.entry((slot.field, slot.side)).or_default();
@@ -352,14 +376,19 @@ impl Binding {
             })
             .collect();
         let mut groups = Vec::with_capacity(domain.groups.len());
+        let mut first = 0;
         for (g, group) in domain.groups.iter().enumerate() {
             let mut bases = Vec::with_capacity(pairs.len());
             let mut offset = 0;
+            let points = first..first + group.entities.len() * group.n_points();
+            first = points.end;
             for (k, ((field, side), order)) in pairs.iter().enumerate() {
                 let stays = known.filter(|_| *side == Side::Here).map(|known| &known.groups[g].bases[k]);
-                let basis = match stays {
-                    Some(basis) => Basis { offset, ..basis.clone() },
-                    None => basis(mesh, group, &fields[field.index()], *field, *side, *order, offset)?,
+                let elsewhere = carried.iter().find(|c| c.field == field.index());
+                let basis = match (stays, elsewhere) {
+                    (Some(basis), _) => Basis { offset, ..basis.clone() },
+                    (None, Some(c)) => at_points(&fields[c.field], *field, offset, group, &c.nodes[points.clone()]),
+                    (None, None) => basis(mesh, group, &fields[field.index()], *field, *side, *order, offset)?,
                 };
                 offset += basis.n_dofs();
                 bases.push(basis);
@@ -368,7 +397,7 @@ impl Binding {
         }
         let tests = law.tests.iter().map(place).collect();
         let trials = law.trials.iter().map(place).collect();
-        let mut binding = Self { inputs, tests, trials, groups, needs: Needs::default(), moving: None };
+        let mut binding = Self { inputs, tests, trials, groups, needs: Needs::default(), moving: None, carried };
         binding.needs = binding.needs_of(pairs.len(), |_| true, true, true);
         Ok(binding)
     }
@@ -448,6 +477,46 @@ impl GroupBinding {
     #[must_use]
     pub fn n_dofs(&self) -> usize {
         self.bases.last().map_or(0, |b| b.offset + b.n_dofs())
+    }
+}
+
+impl Rebinding {
+    /// The values at points that the law reads, where they were given for the points of another state: each point of them
+    /// ends with its name.
+    fn carried(&self, domain: &Domain, current: &[&[f64]]) -> Vec<Carried> {
+        let mut names = None;
+        let mut all: Vec<Carried> = Vec::new();
+        for slot in &self.inputs {
+            let InputSlot::Field(b) = slot else { continue };
+            let k = b.field.index();
+            if all.iter().any(|c| c.field == k) || !matches!(self.fields[k].space, FieldSpace::Points(_)) {
+                continue;
+            }
+            let points = current[k].chunks_exact(self.fields[k].n_components);
+            let from: Vec<PointName> = points.filter_map(|point| point.last_chunk().copied()).collect();
+            let to = names.get_or_insert_with(|| domain.point_names());
+            all.push(Carried { field: k, nodes: nearest_points(&from, to) });
+        }
+        all
+    }
+}
+
+/// Values at the points of a group, from these numbers of points.
+fn at_points(field: &Field, id: FieldId, offset: usize, group: &Group, nodes: &[u32]) -> Basis {
+    let n = group.n_points();
+    let values = (0..n * n).map(|p| if p % (n + 1) == 0 { 1.0 } else { 0.0 }).collect();
+    Basis {
+        field: id,
+        side: Side::Here,
+        n_components: field.n_components,
+        n_nodes: n,
+        table: Table { n_points: n, n_dofs: n, dim: group.here.geometry.dim, values, ..Table::default() },
+        tangents: None,
+        order: 0,
+        nodes: nodes.to_vec(),
+        offset,
+        support: (0..n).map(|i| u16::try_from(i).expect("few points")).collect(),
+        starts: Starts::default(),
     }
 }
 

@@ -3,7 +3,9 @@
 //! The points stay where they are and keep their order, that of the place without the mapping: each is a group of its own.
 //! What moves is found from the displacements alone, for each state anew: the ray from the current position of a point along
 //! its current normal and its hit on the current faces, or their closest point, and how it shifts. A point without an image
-//! has the weight zero; its law reads an image far ahead along the normal, so that it is open.
+//! has the weight zero; its law reads an image far ahead along the normal, so that it is open. Where faces are cut by those
+//! that images lie on, their points are those of the pieces (`segments.rs`), others in each state; a face that lies opposite
+//! of nothing has one of weight zero.
 //!
 //! Promises: the same images for the same displacements, whatever was asked before. Does not know laws.
 
@@ -19,6 +21,7 @@ use super::{
     Domain, Group, GroupSide,
     boxes::Boxes,
     rays::{Hit, ImageSearch, Ray, Targets},
+    segments::{Pieces, at_centre, with_points},
 };
 use crate::space::Space;
 use wfl_compiler::types::ImageBy;
@@ -58,7 +61,7 @@ pub struct ImageMotion {
 #[derive(Clone, Debug)]
 pub(super) struct Point {
     /// As a group of one entity and one point, without an image.
-    group: Group,
+    pub(super) group: Group,
     /// The displacement here.
     pub(super) table: Table,
     pub(super) nodes: Vec<u32>,
@@ -67,7 +70,7 @@ pub(super) struct Point {
     normal: Vector3<f64>,
     inverse: Matrix3<f64>,
     /// Half the thickness of the body behind it: a ray that goes further back would find the other side of the body.
-    back: f64,
+    pub(super) back: f64,
 }
 
 /// Images by point, and the displacements that they belong to.
@@ -75,7 +78,15 @@ pub(super) struct Point {
 struct Known {
     here: Vec<f64>,
     there: Vec<f64>,
+    found: Found,
+}
+
+/// The points at a state.
+#[derive(Clone, Debug)]
+struct Found {
     domain: Arc<Domain>,
+    /// Those of pieces of faces.
+    of_pieces: Option<Arc<Vec<Point>>>,
 }
 
 /// The points of a place whose images move.
@@ -83,7 +94,9 @@ struct Known {
 pub struct MovingPoints {
     over: super::Over,
     n_entities: usize,
+    /// Where faces are cut, one at the centre of each.
     pub(super) points: Vec<Point>,
+    pieces: Option<Pieces>,
     pub(super) here: Follows,
     pub(super) there: Follows,
     pub(super) targets: Targets,
@@ -121,6 +134,10 @@ impl MovingPoints {
         let mut points = Vec::new();
         for group in &base.groups {
             for k in 0..group.entities.len() {
+                if search.pieces.is_some() {
+                    points.push(point(mesh, &at_centre(mesh, group, k), [0, 0], &here.space)?);
+                    continue;
+                }
                 for q in 0..group.n_points() {
                     points.push(point(mesh, group, [k, q], &here.space)?);
                 }
@@ -128,6 +145,11 @@ impl MovingPoints {
         }
         let targets = Targets::new(mesh, onto, there.space.clone(), search)?;
         limit_by_thickness(mesh, &targets, &mut points);
+        let facets = points.iter().filter_map(|point| point.group.here.facets.first().copied()).collect();
+        let pieces = match search.pieces {
+            Some(degree) => Some(Pieces::new(mesh, facets, &here.space, &targets, degree).ok()?),
+            None => None,
+        };
         let (low, high) = mesh.bounds();
         let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         let ahead = if search.reach.is_finite() { search.reach } else { extent };
@@ -138,7 +160,8 @@ impl MovingPoints {
         let corners = corners.collect::<BTreeMap<_, _>>().into_iter();
         let corners = corners.map(|(kind, element)| (kind, element.tabulate(element.points(), 1))).collect();
         let (over, n_entities) = (base.over, base.n_entities);
-        Some(Self { over, n_entities, points, here, there, targets, spare, ahead, corners, known: Mutex::default() })
+        let known = Mutex::default();
+        Some(Self { over, n_entities, points, pieces, here, there, targets, spare, ahead, corners, known })
     }
 
     /// The faces that images may lie on.
@@ -158,10 +181,16 @@ impl MovingPoints {
         self.targets.by()
     }
 
-    /// How many points there are.
+    /// How many points there are; where faces are cut how many faces.
     #[must_use]
     pub fn n_points(&self) -> usize {
         self.points.len()
+    }
+
+    /// True where faces are cut, so that their points are others in each state.
+    #[must_use]
+    pub fn are_of_pieces(&self) -> bool {
+        self.pieces.is_some()
     }
 
     /// By face that images may lie on, in their order: those that share a vertex with it, itself included.
@@ -188,15 +217,22 @@ impl MovingPoints {
     /// The points with their images at these values of all fields.
     #[must_use]
     pub fn at(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Arc<Domain> {
+        self.found_at(mesh, current).domain
+    }
+
+    /// The same, with the points of pieces of faces.
+    fn found_at(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Found {
         let (here, there) = (of(current, &self.here), of(current, &self.there));
         let is_of = |known: &&Known| known.here == here && known.there == there;
         if let Some(known) = self.known.lock().unwrap_or_else(PoisonError::into_inner).as_ref().filter(is_of) {
-            return Arc::clone(&known.domain);
+            return known.found.clone();
         }
         // not under the lock: who waits for other threads may be given work that asks for images, too
         let boxes = self.targets.boxes(mesh, there);
+        let of_pieces = self.pieces.as_ref().map(|pieces| Arc::new(self.cut(mesh, pieces, [here, there], &boxes)));
+        let points = of_pieces.as_deref().unwrap_or(&self.points);
         let group = |point: &Point| self.found(mesh, point, [here, there], &boxes);
-        let groups: Vec<Group> = self.points.par_iter().map(group).collect();
+        let groups: Vec<Group> = points.par_iter().map(group).collect();
         let domain = Arc::new(Domain {
             over: self.over,
             dim: mesh.dim(),
@@ -204,31 +240,52 @@ impl MovingPoints {
             n_entities: self.n_entities,
             moving: Some(Arc::clone(self)),
         });
-        let known = Some(Known { here: here.to_vec(), there: there.to_vec(), domain: Arc::clone(&domain) });
+        let found = Found { domain, of_pieces };
+        let known = Some(Known { here: here.to_vec(), there: there.to_vec(), found: found.clone() });
         *self.known.lock().unwrap_or_else(PoisonError::into_inner) = known;
-        domain
+        found
+    }
+
+    /// The points of the pieces of all faces.
+    fn cut(&self, mesh: &Mesh, pieces: &Pieces, [here, there]: [&[f64]; 2], boxes: &Boxes) -> Vec<Point> {
+        let at = |centre: &Point, group: &Group, q: usize| -> Option<Point> {
+            Some(Point { back: centre.back, ..point(mesh, group, [0, q], &self.here.space)? })
+        };
+        let state = pieces.at(mesh, [here, there]);
+        let of_face = |(k, centre): (usize, &Point)| -> Vec<Point> {
+            let cut = state.points(&self.targets, boxes, k, centre.back);
+            if cut.is_empty() {
+                return vec![centre.clone()];
+            }
+            let group = with_points(mesh, &centre.group, 0, &cut);
+            (0..cut.len()).filter_map(|q| at(centre, &group, q)).collect()
+        };
+        self.points.par_iter().enumerate().flat_map_iter(|face| of_face(face)).collect()
     }
 
     /// By point whether it is so far inside the other body that it has no image.
     #[must_use]
     pub fn are_inside(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Vec<bool> {
-        let domain = self.at(mesh, current);
+        let Found { domain, of_pieces } = self.found_at(mesh, current);
+        let points = of_pieces.as_deref().unwrap_or(&self.points);
         let (here, there) = (of(current, &self.here), of(current, &self.there));
         if !domain.groups.iter().any(Group::has_lost_its_image) {
-            return vec![false; self.points.len()];
+            return vec![false; points.len()];
         }
         let boxes = self.targets.boxes(mesh, there);
         let is_inside = |(point, group): (&Point, &Group)| {
             let holds = |ray: &Ray| self.targets.hold(mesh, there, &boxes, ray);
             group.has_lost_its_image() && point.ray(mesh.dim(), here).as_ref().is_some_and(holds)
         };
-        self.points.par_iter().zip(&domain.groups).map(is_inside).collect()
+        points.par_iter().zip(&domain.groups).map(is_inside).collect()
     }
 
     /// A point with its image.
     fn found(&self, mesh: &Mesh, point: &Point, [here, there]: [&[f64]; 2], boxes: &Boxes) -> Group {
         let ray = point.ray(mesh.dim(), here);
-        let hit = ray.as_ref().and_then(|ray| self.targets.image(mesh, there, boxes, ray));
+        // a face that lies opposite of nothing has no image to be integrated
+        let counts = point.group.weights[0] != 0.0;
+        let hit = ray.as_ref().filter(|_| counts).and_then(|ray| self.targets.image(mesh, there, boxes, ray));
         let normal = ray.as_ref().map_or_else(Vector3::zeros, |ray| ray.n).into();
         let (image, motion, weight) = match hit {
             Some(Hit { image, shift, slope, gap, rank: _ }) => {
