@@ -9,13 +9,10 @@ use std::borrow::Cow;
 use super::{ContactTerm, ProjectionState};
 use wfl_discrete::{
     assemble::FieldValues,
-    domain::{PointName, nearest_points},
+    domain::{NAME, PointName, nearest_points},
     system::TermBranches,
 };
 use wfl_mesh::mesh::Mesh;
-
-/// Numbers of a name at the end of a point.
-pub const NAME: usize = 3;
 
 impl ContactTerm {
     /// True if its points are others in each state: those of pieces of faces.

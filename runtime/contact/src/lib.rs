@@ -47,7 +47,6 @@ mod tests;
 use active_set::Near;
 pub use alternation::Alternation;
 pub use breakpoints::{Breakpoints, Ray};
-pub use carried::NAME;
 pub use coercivity::{Coercivity, coercivity, is_consistent};
 pub use conditions::{ContactGaps, Look, PressedFaces, contact_gaps};
 pub use coupling::{Friction, couplings, has_multiplier};

@@ -11,8 +11,11 @@ use std::borrow::Cow;
 
 use wfl_compiler::{Projection, ProjectionKind};
 
-use super::{Complementarity, Contact, ContactTerm, carried::NAME};
-use wfl_discrete::{assemble::FieldValues, domain::PointName};
+use super::{Complementarity, Contact, ContactTerm};
+use wfl_discrete::{
+    assemble::FieldValues,
+    domain::{NAME, PointName},
+};
 use wfl_mesh::mesh::Mesh;
 
 /// A step is taken that reduces the defect by this part of its length.
@@ -206,7 +209,6 @@ pub(super) fn search(contact: &Contact, from: &mut [ProjectionState], to: &[Proj
             *from = carried;
         }
     }
-    let from = from;
     let defect = |part: f64| {
         let each = contact.terms.iter().zip(from.iter().zip(to));
         contact.team().total(each.map(|(t, (a, b))| t.defect(law, a, b, part)).sum()).sqrt()

@@ -8,11 +8,11 @@ use super::{
     Complementarity,
     alternation::PointGraph,
     background,
-    carried::NAME,
     sharing::{PointName, SharedPoints},
     slopes::ArgumentSlopes,
 };
 use wfl_discrete::assemble::{AssembledTerm, FieldValues, Over};
+use wfl_discrete::domain::NAME;
 use wfl_discrete::field::Field;
 use wfl_discrete::rates::StepAt;
 use wfl_discrete::system::{System, TermBranches};

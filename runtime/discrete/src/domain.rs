@@ -8,6 +8,7 @@ mod boxes;
 mod closest;
 mod edges;
 mod moving;
+mod pieces;
 mod points;
 mod rays;
 mod segments;
@@ -20,8 +21,8 @@ use std::{
 
 pub use edges::Edge;
 pub use moving::{Follows, ImageMotion, MovingPoints};
+pub use pieces::{Cut, NAME, PointName, nearest_points};
 pub use rays::ImageSearch;
-pub use segments::{Cut, PointName, nearest_points};
 pub use shifts::ShiftCheck;
 use wfl_compiler::{ir::LANES, types::EntityGeometry};
 

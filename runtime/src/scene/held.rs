@@ -7,7 +7,8 @@ use wfl_compiler::{FrozenLaw, PrintLaw, backend::PointKernel, ir::Origin, types:
 use super::Builder;
 use crate::{
     assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
-    contact::{ContactParts, ContactTerm, NAME},
+    contact::{ContactParts, ContactTerm},
+    domain::NAME,
     field::{Field, FieldSpace},
     point_space::PointSpace,
     system::{FrozenTerm, Numbering, System},

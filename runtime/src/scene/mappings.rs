@@ -23,6 +23,7 @@ use crate::{
     field::{Field, FieldSpace},
     finite::{BadGiven, NotFinite},
     mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet, SupportSet},
+    quadrature::QuadratureError,
     scene::{Parts, constants::number, mesh::position_place},
     space::Support,
     value::Value,
@@ -327,28 +328,19 @@ impl Mappings {
                     return None;
                 }
                 let search = ImageSearch { by: moves.by, reach: *reach, pieces: through.pieces };
-                let made = moving_points(mesh, fields, base, onto, *moves, search);
-                if made.is_none() {
+                return moving_points(mesh, fields, base, onto, *moves, search).or_else(|| {
                     diagnostics.push(no_faces(name, span));
-                }
-                return made;
+                    None
+                });
             }
             Search::Facets { raytrace, from, finder, reach } => {
                 if let Some(d) = not_mapped(base, from, name, span) {
                     diagnostics.push(d);
                     return None;
                 }
-                let cut = through.pieces.map(|degree| {
-                    let cut = Cut { onto: finder.facets(), reach: *reach, is_facing: *raytrace, degree };
-                    Domain::segments(mesh, base, cut)
-                });
-                let cut = match cut.transpose() {
-                    Ok(cut) => cut,
-                    Err(e) => {
-                        diagnostics.push(Diagnostic::new(Code::E411, e.to_string()).at(span, ""));
-                        return None;
-                    }
-                };
+                let cut = Cut { onto: finder.facets(), reach: *reach, is_facing: *raytrace, degree: 0 };
+                let cut = through.pieces.map(|degree| Domain::segments(mesh, base, Cut { degree, ..cut })).transpose();
+                let Ok(cut) = cut.map_err(|e| diagnostics.push(no_rule(&e, span))) else { return None };
                 Domain::mapped(mesh, cut.as_ref().unwrap_or(base), |x, normal| match (raytrace, normal) {
                     (true, Some(n)) => finder.hit(mesh, x, n, *reach),
                     _ => finder.nearest(mesh, x, *reach),
@@ -407,6 +399,11 @@ fn moving_points(
     let bodies = [follows(moves.here)?, follows(moves.there)?];
     let points = MovingPoints::new(mesh, base, onto, bodies, search)?;
     Some(Arc::new(points).at(mesh, &[]))
+}
+
+/// The message about a rule that there is none of.
+fn no_rule(error: &QuadratureError, span: Span) -> Diagnostic {
+    Diagnostic::new(Code::E411, error.to_string()).at(span, "")
 }
 
 /// The message about a mapping that moves without faces to lead to.

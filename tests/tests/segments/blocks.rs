@@ -51,6 +51,28 @@ struct Made {
 /// Names of the groups, from 1.
 const GROUPS: [&str; 8] = ["lower", "upper", "floor", "sole", "base", "lid", "walls", "sides"];
 
+impl Made {
+    /// A file for Gmsh 2.2, with the nodes at these places.
+    fn written(&self, dim: usize, place: &dyn Fn([f64; 3]) -> [f64; 3]) -> String {
+        let mut out = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n8\n".to_owned();
+        for (k, name) in GROUPS.iter().enumerate() {
+            let dim = if k < 2 { dim } else { dim - 1 };
+            let _ = writeln!(out, "{dim} {} \"{name}\"", k + 1);
+        }
+        let _ = writeln!(out, "$EndPhysicalNames\n$Nodes\n{}", self.nodes.len());
+        for (k, x) in self.nodes.iter().enumerate() {
+            let [x, y, z] = place(*x);
+            let _ = writeln!(out, "{} {x:?} {y:?} {z:?}", k + 1);
+        }
+        let _ = writeln!(out, "$EndNodes\n$Elements\n{}", self.elements.len());
+        for (k, (kind, group, nodes)) in self.elements.iter().enumerate() {
+            let list: Vec<String> = nodes.iter().map(|n| (n + 1).to_string()).collect();
+            let _ = writeln!(out, "{} {kind} 2 {group} {group} {}", k + 1, list.join(" "));
+        }
+        out + "$EndElements\n"
+    }
+}
+
 impl Blocks {
     /// Both with these cells, matching where `n` are equal.
     pub(crate) fn of(dim: usize, lower: (Cells, usize), upper: (Cells, usize)) -> Self {
@@ -75,22 +97,7 @@ impl Blocks {
         let mut made = Made::default();
         self.add(&mut made, false);
         self.add(&mut made, true);
-        let mut out = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n8\n".to_owned();
-        for (k, name) in GROUPS.iter().enumerate() {
-            let dim = if k < 2 { self.dim } else { self.dim - 1 };
-            let _ = writeln!(out, "{dim} {} \"{name}\"", k + 1);
-        }
-        let _ = writeln!(out, "$EndPhysicalNames\n$Nodes\n{}", made.nodes.len());
-        for (k, x) in made.nodes.iter().enumerate() {
-            let [x, y, z] = self.place(*x);
-            let _ = writeln!(out, "{} {x:?} {y:?} {z:?}", k + 1);
-        }
-        let _ = writeln!(out, "$EndNodes\n$Elements\n{}", made.elements.len());
-        for (k, (kind, group, nodes)) in made.elements.iter().enumerate() {
-            let list: Vec<String> = nodes.iter().map(|n| (n + 1).to_string()).collect();
-            let _ = writeln!(out, "{} {kind} 2 {group} {group} {}", k + 1, list.join(" "));
-        }
-        out + "$EndElements\n"
+        made.written(self.dim, &|x| self.place(x))
     }
 
     fn add(&self, made: &mut Made, is_upper: bool) {
@@ -215,4 +222,34 @@ fn cell(made: &mut Made, cells: Cells, group: usize, corners: [usize; 8]) {
         }
         _ => made.elements.push((5, group, corners.to_vec())),
     }
+}
+
+/// A grid of quadrilaterals over a rectangle whose corners are moved by a map.
+pub(crate) struct Grid<'a> {
+    pub(crate) from: [f64; 2],
+    pub(crate) to: [f64; 2],
+    pub(crate) cells: [usize; 2],
+    pub(crate) map: &'a dyn Fn([f64; 2]) -> [f64; 2],
+}
+
+/// Two grids in the plane as the lower and the upper block; their sides have no group.
+pub(crate) fn grids(lower: &Grid<'_>, upper: &Grid<'_>) -> String {
+    let mut made = Made::default();
+    for (grid, [cells, below, above]) in [(lower, [1, 5, 3]), (upper, [2, 4, 6])] {
+        let [n, m] = grid.cells;
+        let first = made.nodes.len();
+        for (j, i) in (0..=m).flat_map(|j| (0..=n).map(move |i| (j, i))) {
+            let part = [i as f64 / n as f64, j as f64 / m as f64];
+            let [x, y] = (grid.map)([0, 1].map(|d| grid.from[d] + part[d] * (grid.to[d] - grid.from[d])));
+            made.nodes.push([x, y, 0.0]);
+        }
+        let node = |i: usize, j: usize| first + j * (n + 1) + i;
+        for (j, i) in (0..m).flat_map(|j| (0..n).map(move |i| (j, i))) {
+            let corners = vec![node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
+            made.elements.push((3, cells, corners));
+        }
+        made.elements.extend((0..n).map(|i| (1, below, vec![node(i, 0), node(i + 1, 0)])));
+        made.elements.extend((0..n).map(|i| (1, above, vec![node(i + 1, m), node(i, m)])));
+    }
+    made.written(2, &|x| x)
 }

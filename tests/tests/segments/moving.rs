@@ -3,12 +3,12 @@
 use std::time::Instant;
 
 use super::{
-    blocks::{Blocks, Cells},
+    blocks::{Blocks, Cells, Grid, grids},
     folder, solved,
 };
 use Cells::{Hexahedra, Quadrilaterals, Tetrahedra, Triangles, Wedges};
-use wfl_runtime::RunOptions;
-use wfl_tests::{Solved, attempt_with};
+use wfl_runtime::{RunOptions, domain::nearest_points};
+use wfl_tests::{MeshFolder, Solved, attempt_with, reference, solve};
 
 const PRESS: f64 = 0.08;
 const GAMMA: f64 = 1e3;
@@ -218,4 +218,61 @@ fn a_run_of_points_that_change_is_the_same_on_any_number_of_threads() {
         found.outcome.steps.iter().map(|s| s.state.clone()).collect::<Vec<_>>()
     });
     assert!(states[0] == states[1]);
+}
+
+#[test]
+fn values_are_taken_from_the_nearest_point_of_a_face() {
+    let from = [[0.0, 0.2, 0.0], [0.0, 0.8, 0.0], [3.0, 0.5, 0.5], [1.0, 0.5, 0.0]];
+    let to = [[0.0, 0.45, 0.0], [0.0, 0.6, 0.1], [1.0, 0.0, 0.0], [3.0, 0.9, 0.9]];
+    assert_eq!(nearest_points(&from, &to), [0, 1, 3, 2]);
+    assert_eq!(nearest_points(&to, &to), [0, 1, 2, 3], "each is its own nearest");
+}
+
+/// A softer block is pressed on a wavy one and pushed over two of its faces, by a penalty with friction of the slip of each step.
+const WAVY: &str = "wfl 1
+mesh file \"body.msh\"
+unknown a : vector Q1 on upper
+unknown b : vector Q1 on lower
+def P(g, e) = e/2.6*((Id(2) + g) - Inv(Id(2) + g)') + 0.3*e/0.52*log(Det(Id(2) + g))*Inv(Id(2) + g)'
+term upper on upper : P(Grad_a, 400):Grad_Test_a
+term lower on lower : P(Grad_b, 1000):Grad_Test_b
+param gamma = 2e4
+param fric = 0.3
+mapping m = raytrace from sole onto floor moving with a, b within 0.3
+def n        = Transformed_unit_vector(Grad_a, Normal)
+def n_before = Transformed_unit_vector(Grad_Previous_a, Normal)
+def gap      = (Interpolate(X, m) + Interpolate(b, m) - X - a).n
+def slip     = a - Previous_a - Interpolate(b, m) + Interpolate(Previous_b, m) + gap*(n - n_before)
+def pressure = pos_part(-gamma*gap)
+def force    = pressure*n + Ball_projection(gamma*(slip - (slip.n)*n), fric*pressure)
+term contact on sole : force.(Test_a - Interpolate(Test_b, m))
+quadrature on sole segments of m degree 3
+quadrature on upper, lower degree 3
+steps k = 0 to 8 by 1
+fix a = [0.125*max(0, k - 4), -0.03*min(k, 4)] on lid
+fix b = [0, 0] on base
+measure Fx = reaction(a(1)) on lid
+measure Fy = reaction(a(2)) on lid
+";
+
+#[test]
+fn a_block_that_slides_over_faces_has_the_forces_of_the_prototype() {
+    let bend = |[x, y]: [f64; 2]| [x, y * (1.0 + 0.06 * (1.7 * x).sin())];
+    let lower = Grid { from: [0.0, 0.0], to: [4.0, 1.0], cells: [16, 4], map: &bend };
+    let upper = Grid { from: [0.35, 1.065], to: [1.35, 1.9], cells: [5, 4], map: &|x| x };
+    let folder = MeshFolder::new("segments-wavy", &grids(&lower, &upper));
+    let found = solve(folder.path(), WAVY.to_owned(), &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(found.outcome.converged());
+    let known = reference("sliding_segments.json");
+    for (k, row) in known["steps"].as_array().expect("steps").iter().enumerate() {
+        let size = row["force"][1].as_f64().expect("a force").abs();
+        for (c, name) in ["Fx", "Fy"].into_iter().enumerate() {
+            // a reaction is what the body does to what holds it
+            let (force, expected) = (-found.measure(k + 1, name), row["force"][c].as_f64().expect("a force"));
+            assert!((force - expected).abs() < 1e-8 * size, "step {}: {name} = {force}, {expected}", k + 1);
+        }
+    }
+    let iterations: Vec<usize> = found.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
+    // the prototype takes 8 to 10 for a step of half a face
+    assert!(iterations[5..].iter().all(|n| *n <= 13), "{iterations:?}");
 }

@@ -174,9 +174,7 @@ impl<'d> Resolver<'d> {
             }
             ItemKind::Quadrature { places, segments, rule } => {
                 let places = self.places(places, false);
-                if let Some(mapping) = segments {
-                    self.one_mapping(mapping)?;
-                }
+                segments.as_ref().map_or(Some(()), |mapping| self.one_mapping(mapping))?;
                 let rule = match rule {
                     QuadratureRule::Vertex => QuadratureRule::Vertex,
                     QuadratureRule::Degree(e) => QuadratureRule::Degree(self.expr(e)?),

@@ -315,6 +315,24 @@ pub struct LawSlots<'a> {
     pub trials: &'a [BasisSlot],
 }
 
+impl LawSlots<'_> {
+    /// The highest derivative by field and side.
+    fn fields(self) -> BTreeMap<(FieldId, Side), usize> {
+        let mut pairs: BTreeMap<(FieldId, Side), usize> = BTreeMap::new();
+        let mut note = |slot: &BasisSlot| {
+            let order = pairs.entry((slot.field, slot.side)).or_default();
+            *order = (*order).max(slot.op.order());
+        };
+        self.tests.iter().chain(self.trials).for_each(&mut note);
+        for slot in self.inputs {
+            if let InputSlot::Field(s) | InputSlot::Previous(s) | InputSlot::History(_, s) = slot {
+                note(s);
+            }
+        }
+        pairs
+    }
+}
+
 impl Binding {
     /// Binds the slots of a law on a domain to the spaces of the fields.
     ///
@@ -343,17 +361,7 @@ impl Binding {
         again: Again<'_>,
     ) -> Result<Self, FieldError> {
         let Again { known, carried } = again;
-        let mut pairs: BTreeMap<(FieldId, Side), usize> = BTreeMap::new();
-        let mut note = |slot: &BasisSlot| {
-            let order = pairs.entry((slot.field, slot.side)).or_default();
-            *order = (*order).max(slot.op.order());
-        };
-        law.tests.iter().chain(law.trials).for_each(&mut note);
-        for slot in law.inputs {
-            if let InputSlot::Field(s) | InputSlot::Previous(s) | InputSlot::History(_, s) = slot {
-                note(s);
-            }
-        }
+        let pairs = law.fields();
         let index: BTreeMap<(FieldId, Side), usize> = pairs.keys().enumerate().map(|(k, key)| (*key, k)).collect();
         let place = |slot: &BasisSlot| {
             let n = fields[slot.field.index()].n_components;

@@ -20,8 +20,8 @@ use rayon::prelude::*;
 use super::{
     Domain, Group, GroupSide,
     boxes::Boxes,
+    pieces::{Pieces, at_centre, with_points},
     rays::{Hit, ImageSearch, Ray, Targets},
-    segments::{Pieces, at_centre, with_points},
 };
 use crate::space::Space;
 use wfl_compiler::types::ImageBy;
@@ -260,7 +260,7 @@ impl MovingPoints {
             let group = with_points(mesh, &centre.group, 0, &cut);
             (0..cut.len()).filter_map(|q| at(centre, &group, q)).collect()
         };
-        self.points.par_iter().enumerate().flat_map_iter(|face| of_face(face)).collect()
+        self.points.par_iter().enumerate().flat_map_iter(of_face).collect()
     }
 
     /// By point whether it is so far inside the other body that it has no image.

@@ -190,7 +190,7 @@ impl AssembledTerm {
             let Some(image) = facet.filter(|_| !group.has_lost_its_image()).and_then(|facet| number.get(facet)) else {
                 continue;
             };
-            let own = self.own_dofs(g);
+            let own = moved.own_dofs(g);
             for k in around[*image].iter().filter(|k| known.insert((group.entities[0], **k))) {
                 let both = [own.as_slice(), &behind[*k]].concat();
                 f(&both, &both);
