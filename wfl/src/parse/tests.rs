@@ -118,7 +118,7 @@ fn words_without_parentheses_take_the_next_value() {
 #[test]
 fn statements_carry_what_they_say() {
     let text = "wfl 1\nmesh box [0,0] to [1,1] size h tri map [x + 0.1*y, y]\nmesh file \"a b.msh\" map [x, y, z]\n\
-        quadrature on a, b vertex\nquadrature on a degree 4\nmultiplier l : vector P2 on f [MPa*mm^-2/s] with crosspoints=keep\n\
+        quadrature on a, b vertex\nquadrature on a degree 4\nquadrature on a segments of m degree 4\nmultiplier l : vector P2 on f [MPa*mm^-2/s] with crosspoints=keep\n\
         unknown d : scalar global [mm]\nunknown m : matrix(2,3) DQ0\nmeasure m = min(max(a,b)) on global\n\
         split u, v across f\nfix u, v(1), w.Normal = 0 on a, b\nparam p = [1,2] [m] in {1, -2} \"text # here\" # comment\n\
         term on global : Def a(b) := b; a(1)*Test_d\nstart from \"old\"\nregion r = (a + b) - faces of c where x < 1 & y > 2\n";
