@@ -355,9 +355,7 @@ impl Mappings {
             return None;
         }
         if lost > 0 {
-            let d =
-                Diagnostic::new(Code::W406, format!("{lost} of {total} points have no image under `{}`", name.name));
-            diagnostics.push(d.at(span, "the term is not integrated there").at(name.span, "declared here"));
+            diagnostics.push(not_all([lost, total], name, span));
         }
         Some(Arc::new(domain))
     }
@@ -399,6 +397,12 @@ fn moving_points(
     let bodies = [follows(moves.here)?, follows(moves.there)?];
     let points = MovingPoints::new(mesh, base, onto, bodies, search)?;
     Some(Arc::new(points).at(mesh, &[]))
+}
+
+/// The message about points that have no image, so many of all.
+fn not_all([lost, total]: [usize; 2], name: &Ident, span: Span) -> Diagnostic {
+    let d = Diagnostic::new(Code::W406, format!("{lost} of {total} points have no image under `{}`", name.name));
+    d.at(span, "the term is not integrated there").at(name.span, "declared here")
 }
 
 /// The message about a rule that there is none of.

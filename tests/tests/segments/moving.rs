@@ -116,7 +116,9 @@ fn a_constant_stress_passes_between_bodies_that_move() {
         (3, 1, (Hexahedra, 2), (Hexahedra, 3)),
         (3, 1, (Wedges, 2), (Tetrahedra, 3)),
     ];
-    for (k, (dim, degree, lower, upper)) in pairs.into_iter().enumerate() {
+    // without optimisation those in the plane
+    let n = if cfg!(debug_assertions) { 2 } else { pairs.len() };
+    for (k, (dim, degree, lower, upper)) in pairs.into_iter().take(n).enumerate() {
         let mut blocks = Blocks::of(dim, lower, upper);
         let amount = |cells| if cells == Hexahedra { 0.0 } else { 0.3 };
         (blocks.lower.amount, blocks.upper.amount) = (amount(lower.0), amount(upper.0));
@@ -128,7 +130,7 @@ fn a_constant_stress_passes_between_bodies_that_move() {
             assert!(found < 1e-12, "{dim} {degree} {lower:?} {upper:?} {law:?} {word}: {found:e}");
         }
         let plain = moving(&blocks, "raytrace", degree, Law::Penalty, "quadrature on sole degree 5");
-        let plain = error(&solved(&format!("plain{k}"), &blocks, &plain), dim, Law::Penalty);
+        let plain = error(&solved(&format!("moving-plain{k}"), &blocks, &plain), dim, Law::Penalty);
         assert!(plain > 1e-6, "{dim} {lower:?} {upper:?}: {plain:e}");
     }
 }

@@ -118,7 +118,7 @@ fn words_without_parentheses_take_the_next_value() {
 #[test]
 fn statements_carry_what_they_say() {
     let text = "wfl 1\nmesh box [0,0] to [1,1] size h tri map [x + 0.1*y, y]\nmesh file \"a b.msh\" map [x, y, z]\n\
-        quadrature on a, b vertex\nquadrature on a degree 4\nquadrature on a segments of m degree 4\nmultiplier l : vector P2 on f [MPa*mm^-2/s] with crosspoints=keep\n\
+        quadrature on a, b vertex\nquadrature on a degree 4\nmultiplier l : vector P2 on f [MPa*mm^-2/s] with crosspoints=keep\n\
         unknown d : scalar global [mm]\nunknown m : matrix(2,3) DQ0\nmeasure m = min(max(a,b)) on global\n\
         split u, v across f\nfix u, v(1), w.Normal = 0 on a, b\nparam p = [1,2] [m] in {1, -2} \"text # here\" # comment\n\
         term on global : Def a(b) := b; a(1)*Test_d\nstart from \"old\"\nregion r = (a + b) - faces of c where x < 1 & y > 2\n";
@@ -136,6 +136,16 @@ fn statements_carry_what_they_say() {
     let ItemKind::Param { text, domain, .. } = &found[11].kind else { panic!("{:?}", found[11]) };
     assert_eq!(text.as_deref(), Some("text # here"));
     assert!(matches!(domain, Some(crate::ast::Domain::Set(v)) if v.len() == 2));
+}
+
+#[test]
+fn a_rule_on_segments_names_its_mapping() {
+    let (found, codes) = items("quadrature on a, b segments of m degree 2*n\nquadrature on a segments degree 2\n");
+    assert_eq!((found.len(), codes.as_str()), (1, "E113"));
+    let ItemKind::Quadrature { places, segments, rule } = &found[0].kind else { panic!("{:?}", found[0]) };
+    assert_eq!(places.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["a", "b"]);
+    assert_eq!(segments.as_ref().map(|m| m.name.as_str()), Some("m"));
+    assert!(matches!(rule, crate::ast::QuadratureRule::Degree(e) if show(e) == "(2 * n)"));
 }
 
 #[test]
