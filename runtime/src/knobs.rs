@@ -339,7 +339,7 @@ fn quadrature(script: &mut ResolvedScript, value: &str, places: &[String]) -> Op
     }
     script.quadratures.retain(|q| !q.places.is_empty());
     let places = places.iter().map(|p| Ident { name: p.clone(), span }).collect();
-    script.quadratures.push(wfl::Quadrature { places, rule, span });
+    script.quadratures.push(wfl::Quadrature { places, segments: None, rule, span });
     Some(())
 }
 

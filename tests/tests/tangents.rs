@@ -244,12 +244,13 @@ const LARGE: [&str; 10] = [
 ];
 
 /// Examples without derivatives yet: nodes without mass, images that move.
-const WITHOUT: [&str; 9] = [
+const WITHOUT: [&str; 10] = [
     "dynamics/bars.wfl",
     "sliding/capstan.wfl",
     "sliding/gears.wfl",
     "sliding/half_rings.wfl",
     "sliding/ironing.wfl",
+    "sliding/patch.wfl",
     "sliding/rolling.wfl",
     "sliding/shrink_fit.wfl",
     "sliding/slot.wfl",

@@ -478,6 +478,8 @@ pub enum ItemKind {
     Quadrature {
         /// Where.
         places: Vec<Ident>,
+        /// `segments of m`: the mapping whose images cut the faces.
+        segments: Option<Ident>,
         /// Which.
         rule: QuadratureRule,
     },

@@ -384,7 +384,7 @@ const FORMS: &[(&str, &str)] = &[
     ("steps", "steps t = 0 to 1 by 0.1"),
     ("scheme", "scheme newmark beta=1/4 gamma=1/2"),
     ("solver", "solver newton with tol=1e-10, max_iter=50"),
-    ("quadrature", "quadrature on region degree 4, or quadrature on region vertex"),
+    ("quadrature", "quadrature on region degree 4; or vertex, or segments of mapping degree 4"),
     ("measure", "measure name = max(expression) on region; or min, mean, integral; value(expression) at [0,1]"),
     ("output", "output vtk \"name\" : u, expression as name"),
     ("balance", "balance name of p, q"),

@@ -20,7 +20,7 @@ use crate::{
         Cond, Expr, ExprKind, Ident, Item, ItemKind, MeasureAt, OutputItem, Reduction, RegionExpr, Target, TargetPart,
     },
     codes::Code,
-    diag::{Checked, Diagnostic},
+    diag::{Checked, Diagnostic, nearest},
     fix::Fix,
     lost::Lost,
     macros::Expander,
@@ -350,6 +350,22 @@ impl<'d> Resolver<'d> {
             }
         }
         all
+    }
+
+    /// The name of a mapping; `None` after a message.
+    fn one_mapping(&mut self, name: &Ident) -> Option<()> {
+        let kind = self.names.values.get(&name.name).map(|v| v.0);
+        if kind == Some(Kind::Mapping) {
+            return Some(());
+        }
+        if kind.is_some() || !self.script.lost.covers(&name.name) {
+            let mappings = self.names.values.iter().filter(|(_, (kind, _))| *kind == Kind::Mapping);
+            let found = kind.map_or("unknown".to_owned(), |kind| format!("a {}", kind.word()));
+            let d = Diagnostic::new(Code::E201, format!("`{}` is no mapping", name.name)).at(name.span, found);
+            self.diagnostics
+                .push(d.did_you_mean(name.span, nearest(&name.name, mappings.map(|(name, _)| name.as_str()))));
+        }
+        None
     }
 
     fn places(&mut self, places: &[Ident], allowed: Allowed) -> Option<Vec<Ident>> {

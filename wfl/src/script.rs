@@ -515,6 +515,8 @@ pub struct Solver {
 pub struct Quadrature {
     /// Where.
     pub places: Vec<Ident>,
+    /// The mapping whose images cut the faces.
+    pub segments: Option<Ident>,
     /// Which.
     pub rule: QuadratureRule,
     /// The statement.

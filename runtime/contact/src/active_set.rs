@@ -27,7 +27,9 @@ impl ContactTerm {
     ///
     /// Inner projections enter the radius of outer ones, so the law is read as often as they can be nested.
     pub(super) fn as_written(&self, system: &System, values: FieldValues<'_>, friction: f64) -> TermBranches {
-        self.written_from(self.open(), system, values, friction)
+        let names = self.names_at(&system.mesh, values);
+        let open = if self.is_cut() { self.open_on(&names) } else { self.open() };
+        self.written_from(open, system, values, friction)
     }
 
     /// The same looked for from the branches in `values`: those of a state that is solved are read once.
@@ -99,6 +101,7 @@ impl ContactTerm {
     /// Lets every point slide, closed as it is: along the argument there, where that has a direction.
     pub(super) fn slide_all(&self, state: &ProjectionState, data: &mut TermBranches) {
         self.projections.iter().for_each(|p| p.branch.set_friction(&mut data.regularisation, 1.0));
+        *data = self.carried(data, &state.names).into_owned();
         for (data, out) in data.points.chunks_exact_mut(self.sizes.point).zip(state.points()) {
             for p in self.projections.iter().filter(|p| p.kind == ProjectionKind::Ball) {
                 let x = &out[p.output..][..p.n];
@@ -135,6 +138,7 @@ impl ContactTerm {
 
     /// Points that this rank counts whose branches differ: open or closed, stick or slip, slip against itself.
     pub(super) fn n_differing(&self, a: &TermBranches, b: &TermBranches) -> usize {
+        let a = self.carried_to(a, b);
         let points = a.points.chunks_exact(self.sizes.point).zip(b.points.chunks_exact(self.sizes.point));
         let counted = points.enumerate().filter(|(point, _)| self.counts(*point));
         counted.filter(|(_, (a, b))| self.projections.iter().any(|p| p.branch.differs(a, b))).count()
@@ -143,7 +147,8 @@ impl ContactTerm {
     /// The branches before any is chosen: open.
     #[must_use]
     pub fn open(&self) -> TermBranches {
-        self.open_at(self.n_points())
+        // where faces are cut, at rest: the branches at other states follow by the nearest points
+        if self.is_cut() { self.open_on(&self.sampled.domain.point_names()) } else { self.open_at(self.n_points()) }
     }
 
     /// The branches that follow from those of `data`.
@@ -168,7 +173,7 @@ impl ContactTerm {
 
     /// The branches after a choice for each projection, and its regularisation.
     fn chosen_by(&self, choices: Vec<Choice>, state: &ProjectionState, data: &TermBranches) -> TermBranches {
-        let (mut next, mut x) = (data.clone(), Vec::new());
+        let (mut next, mut x) = (self.carried(data, &state.names).into_owned(), Vec::new());
         for (choice, p) in choices.iter().zip(&self.projections) {
             p.branch.set_regularisation(&mut next.regularisation, choice.regularisation);
             p.branch.set_friction(&mut next.regularisation, choice.friction);

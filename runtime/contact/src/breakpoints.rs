@@ -176,6 +176,7 @@ impl ContactTerm {
 
     /// Turns the directions of slip to the present arguments, as the term is written.
     pub(super) fn turn_slip(&self, state: &ProjectionState, data: &mut TermBranches, friction: f64) {
+        *data = self.carried(data, &state.names).into_owned();
         for (data, out) in data.points.chunks_exact_mut(self.sizes.point).zip(state.points()) {
             for p in self.projections.iter().filter(|p| p.kind == ProjectionKind::Ball) {
                 let SlipMut { along, across } = p.branch.slip_mut(data);

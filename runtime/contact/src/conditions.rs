@@ -463,7 +463,7 @@ impl ContactTerm {
             interpret_lanes(&law.kernel, self.law.uniforms(), inputs, &mut scratch, &mut out);
             out
         };
-        for (g, group) in self.sampled.domain.groups.iter().enumerate() {
+        for (g, group) in sampled.domain.groups.iter().enumerate() {
             for batch in 0..group.n_batches() {
                 workspace.prepare(bound, g, batch, values);
                 let points = workspace.inputs.as_chunks::<LANES>().0.chunks_exact(n_in.max(1)).take(group.n_points());

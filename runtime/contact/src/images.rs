@@ -4,12 +4,15 @@
 //! right where the contact opens before, and a jump of the force where it does not. Promises: points in the order of the
 //! law. Does not judge.
 
-use wfl_discrete::system::System;
+use wfl_discrete::{
+    domain::{PointName, nearest_points},
+    system::System,
+};
 
 use super::{Contact, ContactTerm};
 
 /// The points of a contact term whose images move.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Images {
     /// Position of the term in the system.
     pub term: usize,
@@ -19,13 +22,19 @@ pub struct Images {
     pub pressed: Vec<bool>,
     /// By point: it is inside the other body and so far from its surface that it has no image.
     pub inside: Vec<bool>,
+    /// By point its name, where faces are cut anew in each state.
+    pub names: Vec<PointName>,
 }
 
 impl Images {
     /// Points that pressed before and have no image now.
     #[must_use]
     pub fn lost(&self, before: &Self) -> usize {
-        before.pressed.iter().zip(&self.found).filter(|(pressed, found)| **pressed && !**found).count()
+        let pressed: Vec<bool> = match before.names == self.names {
+            true => before.pressed.clone(),
+            false => nearest_points(&before.names, &self.names).iter().map(|k| before.pressed[*k as usize]).collect(),
+        };
+        pressed.iter().zip(&self.found).filter(|(pressed, found)| **pressed && !**found).count()
     }
 }
 
@@ -43,7 +52,8 @@ pub fn images(system: &System, contact: &Contact, u: &[f64]) -> Vec<Images> {
         let follows = term.sampled.domain.moving.as_ref();
         let inside = follows.map(|follows| follows.are_inside(&system.mesh, values.view().current)).unwrap_or_default();
         let pressed = points.iter().zip(&found).map(|(point, found)| *found && term.presses(point)).collect();
-        Images { term: term.term, found, pressed, inside }
+        let names = term.names_at(&system.mesh, values.view());
+        Images { term: term.term, found, pressed, inside, names }
     };
     contact.terms().iter().filter(|term| term.moves()).map(of).collect()
 }

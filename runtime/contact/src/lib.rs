@@ -18,6 +18,7 @@ mod at_points;
 mod background;
 mod breakpoints;
 mod careful;
+mod carried;
 mod coercivity;
 mod conditions;
 mod coupling;
@@ -488,8 +489,14 @@ impl Contact {
             .map(|numbers| ConvergedState::from_numbers(numbers, &self.terms))
             .collect();
         let own = |t: &ContactTerm| t.memory(&self.complementarity).len();
-        let own_sizes = self.active.terms.iter().flat_map(|t| [t.points.len(), t.regularisation.len()]);
-        let fits = own_sizes.eq(memory.active.iter().map(Vec::len))
+        let fit = |(term, own): (&ContactTerm, &TermBranches), known: &[Vec<f64>]| {
+            let [points, regularisation] = [known[0].len(), known[1].len()];
+            let has_points = points == own.points.len() || term.is_cut() && term.has_whole_points(points);
+            has_points && regularisation == own.regularisation.len()
+        };
+        let mut all = self.terms.iter().zip(&self.active.terms).zip(memory.active.chunks_exact(2));
+        let fits = memory.active.len() == 2 * self.terms.len()
+            && all.all(|(own, known)| fit(own, known))
             && memory.terms.len() == self.terms.len()
             && self.terms.iter().zip(&memory.terms).all(|(t, m)| own(t) == m.len());
         let Some(converged) = converged.filter(|_| fits) else { return false };

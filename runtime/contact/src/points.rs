@@ -82,7 +82,7 @@ impl ContactTerm {
 
     /// The points, without what the laws say of them.
     fn places(&self, system: &System, values: FieldValues<'_>) -> ContactPoints {
-        let (mesh, domain) = (&system.mesh, &self.sampled.domain);
+        let (mesh, domain) = (&system.mesh, self.sampled.at(&system.mesh, values.current).domain);
         let mut found = ContactPoints::default();
         for group in &domain.groups {
             for entity in 0..group.entities.len() {

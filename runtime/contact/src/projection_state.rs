@@ -7,10 +7,15 @@
 //! equal weight for every gamma. Newton directions of it descend (Qi and Sun 1993), and a trial costs no assembly.
 //! Promises: pure functions of projection states. Does not decide what follows where nothing descends.
 
+use std::borrow::Cow;
+
 use wfl_compiler::{Projection, ProjectionKind};
 
 use super::{Complementarity, Contact, ContactTerm};
-use wfl_discrete::assemble::FieldValues;
+use wfl_discrete::{
+    assemble::FieldValues,
+    domain::{NAME, PointName},
+};
 use wfl_mesh::mesh::Mesh;
 
 /// A step is taken that reduces the defect by this part of its length: any descent counts that is more than rounding, as in the
@@ -26,9 +31,11 @@ const MAX_HALVINGS: i32 = 13;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ProjectionState {
     /// Point by point, as the law of the projections lists them.
-    values: Vec<f64>,
+    pub(super) values: Vec<f64>,
     /// By point: its weight in integrals.
-    weights: Vec<f64>,
+    pub(super) weights: Vec<f64>,
+    /// By point its name, where faces are cut anew in each state.
+    pub(super) names: Vec<PointName>,
 }
 
 impl ProjectionState {
@@ -41,12 +48,12 @@ impl ProjectionState {
     /// A state with these outputs at points of weight 1.
     #[cfg(test)]
     pub(crate) fn of(points: &[&[f64]]) -> Self {
-        Self { values: points.concat(), weights: vec![1.0; points.len()] }
+        Self { values: points.concat(), weights: vec![1.0; points.len()], names: Vec::new() }
     }
 
     /// What the projections would be if things went on as they did since `before`, for `part` of the time between.
     fn extrapolated(&self, before: &Self, part: f64) -> Self {
-        let mut found = self.clone();
+        let (mut found, before) = (self.clone(), before.carried_to(self));
         found.values.iter_mut().zip(&before.values).for_each(|(v, b)| *v += part * (*v - b));
         found
     }
@@ -61,6 +68,10 @@ impl ContactTerm {
     /// The mean of a state over each entity, at every point of it.
     pub(super) fn averaged(&self, state: &ProjectionState) -> ProjectionState {
         let mut found = state.clone();
+        if self.is_cut() {
+            // each point is an entity of its own
+            return found;
+        }
         let n = self.n_outputs();
         let (mut values, mut weights) = (found.values.as_mut_slice(), state.weights.as_slice());
         for group in &self.sampled.domain.groups {
@@ -83,7 +94,7 @@ impl ContactTerm {
 
     /// Reads arguments, radii and values at a state on the branches of `values`.
     pub(super) fn read(&self, mesh: &Mesh, values: FieldValues<'_>) -> ProjectionState {
-        let mut found = ProjectionState::default();
+        let mut found = ProjectionState { names: self.names_at(mesh, values), ..ProjectionState::default() };
         self.law.for_each_point(mesh, &self.sampled, values, |_, _, _, weight, out| {
             found.values.extend_from_slice(out);
             found.weights.push(weight);
@@ -95,7 +106,7 @@ impl ContactTerm {
     /// rank counts: above 0 the sides close.
     #[must_use]
     pub fn closing(&self, from: &ProjectionState, to: &ProjectionState) -> f64 {
-        let mut total = 0.0;
+        let (mut total, from) = (0.0, from.carried_to(to));
         let points = from.points().zip(to.points()).zip(&from.weights).enumerate();
         for (_, ((a, b), weight)) in points.filter(|(point, _)| self.counts(*point)) {
             for p in self.projections.iter().filter(|p| p.kind == ProjectionKind::HalfLine && p.acts) {
@@ -161,10 +172,11 @@ impl ConvergedState {
         fits.then(|| self.states.iter().zip(&before.states).map(|(a, b)| a.extrapolated(b, part)).collect())
     }
 
-    /// All numbers: the time and whether it was on the trend, then values and weights by term.
+    /// All numbers: the time and whether it was on the trend, then values and weights by term, where faces are cut with the
+    /// names of the points behind the weights.
     #[must_use]
     pub fn numbers(&self) -> Vec<Vec<f64>> {
-        let all = self.states.iter().flat_map(|w| [w.values.clone(), w.weights.clone()]);
+        let all = self.states.iter().flat_map(|w| [w.values.clone(), [&w.weights, w.names.as_flattened()].concat()]);
         std::iter::once(vec![self.time, f64::from(u8::from(self.on_trend))]).chain(all).collect()
     }
 
@@ -174,9 +186,13 @@ impl ConvergedState {
         let (head, rest) = numbers.split_first()?;
         let [time, on_trend] = head[..] else { return None };
         let fits = |(pair, term): (&[Vec<f64>], &ContactTerm)| {
-            let (values, weights) = (&pair[0], &pair[1]);
-            let state = ProjectionState { values: values.clone(), weights: weights.clone() };
-            (weights.len() == term.n_points() && values.len() == weights.len() * term.n_outputs()).then_some(state)
+            let (values, own) = (&pair[0], &pair[1]);
+            let n = if term.is_cut() { own.len() / (1 + NAME) } else { term.n_points() };
+            let (weights, names) = own.split_at_checked(n)?;
+            let names = names.as_chunks().0.to_vec();
+            let fits = values.len() == n * term.n_outputs() && own.len() == n + NAME * names.len();
+            let state = ProjectionState { values: values.clone(), weights: weights.to_vec(), names };
+            (fits && state.names.len() == if term.is_cut() { n } else { 0 }).then_some(state)
         };
         if rest.len() != 2 * terms.len() {
             return None;
@@ -190,6 +206,11 @@ impl ConvergedState {
 /// becomes the projections there. `from` and `to` by term.
 pub(super) fn search(contact: &Contact, from: &mut [ProjectionState], to: &[ProjectionState]) -> (f64, bool) {
     let law = &contact.complementarity;
+    for (from, to) in from.iter_mut().zip(to) {
+        if let Cow::Owned(carried) = from.carried_to(to) {
+            *from = carried;
+        }
+    }
     let defect = |part: f64| {
         let each = contact.terms.iter().zip(from.iter().zip(to));
         contact.team().total(each.map(|(t, (a, b))| t.defect(law, a, b, part)).sum()).sqrt()
@@ -219,7 +240,7 @@ mod tests {
         ConvergedState {
             time,
             on_trend: true,
-            states: vec![ProjectionState { values: vec![value, -value], weights: vec![0.5] }],
+            states: vec![ProjectionState { values: vec![value, -value], weights: vec![0.5], names: Vec::new() }],
         }
     }
 

@@ -113,8 +113,8 @@ impl ContactTerm {
         let sampled = self.sampled.at(&system.mesh, values.current);
         let bound = Bound { mesh: &system.mesh, domain: &sampled.domain, binding: &sampled.binding };
         let mut workspace = Workspace::default();
-        let places = self.sampled.domain.places(&system.mesh);
-        for (g, (group, places)) in self.sampled.domain.groups.iter().zip(&places).enumerate() {
+        let places = sampled.domain.places(&system.mesh);
+        for (g, (group, places)) in sampled.domain.groups.iter().zip(&places).enumerate() {
             let n_points = group.n_points();
             // a point of the first entity of a batch, as one rank alone has them; any point that is an entity
             let each = if group.own.is_some() { 1 } else { LANES };

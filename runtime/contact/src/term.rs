@@ -12,6 +12,7 @@ use super::{
     slopes::ArgumentSlopes,
 };
 use wfl_discrete::assemble::{AssembledTerm, FieldValues, Over};
+use wfl_discrete::domain::NAME;
 use wfl_discrete::field::Field;
 use wfl_discrete::rates::StepAt;
 use wfl_discrete::system::{System, TermBranches};
@@ -31,7 +32,7 @@ pub struct ContactTerm {
     /// The number of the field of its branches, behind those of the scene; that of its regularisation is the next.
     pub field: usize,
     pub(super) projections: Vec<Projection>,
-    /// Numbers of its branches at an integration point, and of its regularisation.
+    /// Numbers of its branches at an integration point, with its name where faces are cut, and of its regularisation.
     pub(super) sizes: BranchSizes,
     /// Arguments, radii and values of the projections.
     pub(super) law: Value,
@@ -98,12 +99,16 @@ impl ContactTerm {
             ..Scaling::default()
         };
         let slopes = ArgumentSlopes::new(slopes);
+        let mut sizes = projections.last().map_or_else(BranchSizes::default, |p| p.branch.end());
+        if sampled.domain.moving.as_ref().is_some_and(|points| points.are_of_pieces()) {
+            sizes.point += NAME;
+        }
         let has_multiplier = form.coupled_fields().any(|f| is_multiplier(f.index()));
         Self {
             term,
             frozen,
             field,
-            sizes: projections.last().map_or_else(BranchSizes::default, |p| p.branch.end()),
+            sizes,
             projections,
             law,
             slopes,

@@ -10,8 +10,10 @@ mod edges;
 mod faces;
 mod moving;
 mod own;
+mod pieces;
 mod points;
 mod rays;
+mod segments;
 mod shifts;
 
 use std::{
@@ -23,6 +25,7 @@ pub use edges::Edge;
 pub use moving::{Follows, MovingPoints};
 pub(crate) use own::table_of_each;
 pub use own::{ImageMotion, OwnPoints};
+pub use pieces::{Cut, NAME, PointName, nearest_points};
 pub use rays::ImageSearch;
 pub use shifts::ShiftCheck;
 use wfl_compiler::{ir::LANES, types::EntityGeometry};

@@ -59,12 +59,6 @@ pub enum FieldError {
     },
 }
 
-/// The rows of numbers that all entities of a group share.
-fn one_row(group: &Group) -> Arc<[u32]> {
-    let n = if group.own.is_some() { group.entities.len() } else { 0 };
-    std::iter::repeat_n(0, n).collect()
-}
-
 /// Basis and nodes of a field on a group.
 #[derive(Clone, Debug, Default)]
 pub struct Tabulated {
@@ -227,13 +221,13 @@ impl Field {
         if let FieldSpace::Points(space) = &self.space {
             let found = if side == Side::Here && order == 0 { space.tabulate(mesh.dim(), group) } else { None };
             let (table, nodes) = found.ok_or_else(|| FieldError::OtherPoints { field: self.name.clone() })?;
-            return Ok(Tabulated { table, nodes, rows: one_row(group), ..Tabulated::default() });
+            return Ok(Tabulated { table, nodes, rows: group.one_row(), ..Tabulated::default() });
         }
         let FieldSpace::Nodal(space) = &self.space else {
             let points = group.n_points();
             let table =
                 Table { n_points: points, n_dofs: 1, dim: mesh.dim(), values: vec![1.0; points], ..Table::default() };
-            return Ok(Tabulated { table, nodes: vec![0; n], rows: one_row(group), ..Tabulated::default() });
+            return Ok(Tabulated { table, nodes: vec![0; n], rows: group.one_row(), ..Tabulated::default() });
         };
         if side == Side::There && group.own.is_some() {
             return self.tabulate_images(mesh, group.side(side), space, order);

@@ -385,8 +385,9 @@ impl<'a> Reader<'a> {
                 self.options(options);
             }
             ItemKind::Scheme { options, .. } | ItemKind::Solver { options, .. } => self.options(options),
-            ItemKind::Quadrature { places, rule } => {
+            ItemKind::Quadrature { places, segments, rule } => {
                 self.regions(places);
+                segments.iter().for_each(|mapping| self.value(mapping));
                 if let QuadratureRule::Degree(e) = rule {
                     self.expr(e);
                 }

@@ -117,7 +117,7 @@ struct Forces {
 fn one(system: &System, k: usize, rule: RuleChoice, u: &[f64]) -> Option<Forces> {
     let term = &system.terms[k];
     let degree = match rule {
-        RuleChoice::Degree(degree) => degree,
+        RuleChoice::Degree(degree) | RuleChoice::Segments { degree, .. } => degree,
         // masses and springs at nodes are a part of the method
         RuleChoice::Vertex | RuleChoice::Nodes { .. } if term.law.class > Class::Constant => return None,
         RuleChoice::Vertex | RuleChoice::Nodes { .. } => term.law.degree.rule(),

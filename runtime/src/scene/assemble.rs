@@ -189,7 +189,7 @@ impl Builder<'_> {
         // images that move are the same whatever is read there
         let moves = law.listing.graph.moves.is_some();
         let there = if moves { Vec::new() } else { fields_there(&law.inputs, law.tests.iter().chain(&law.trials)) };
-        let mapping = law.listing.graph.mapping.map(|mapping| Through { mapping, there });
+        let mapping = law.listing.graph.mapping.map(|mapping| Through { mapping, there, pieces: None });
         let place = ((placed.place.clone(), placed.set.clone(), mapping), points);
         // a set that is one with another on some ranks alone is another one
         let is_known = |d: &&((Place, PointsOf), Arc<Domain>)| self.mesh.team().all(d.0 == place);
@@ -204,10 +204,14 @@ impl Builder<'_> {
     /// The points of a place, with images where a mapping is read through; `None` after a message.
     pub(super) fn domain(&mut self, place: &Place, points: impl Into<PointsOf>, span: Span) -> Option<Arc<Domain>> {
         let (_, set, mapping) = place;
+        let points = points.into();
         let base = domain(&self.mesh, &self.fields, set.as_ref(), points, span, self.diagnostics)?;
         match mapping {
             None => Some(base),
-            Some(at) => self.mappings.domain(at, &self.mesh, &self.fields, &base, span, self.diagnostics),
+            Some(at) => {
+                let at = Through { pieces: points.rule.pieces(), ..at.clone() };
+                self.mappings.domain(&at, &self.mesh, &self.fields, &base, span, self.diagnostics)
+            }
         }
     }
 }

@@ -55,34 +55,73 @@ impl TermMaker<'_> {
             rules.insert(place.to_owned(), own.unwrap_or(RuleChoice::Degree(highest)));
         }
         for statement in &self.parts.script.quadratures {
-            let choice = match &statement.rule {
-                QuadratureRule::Vertex => Some(RuleChoice::Vertex),
-                QuadratureRule::Degree(e) => number(self.parts.env, "the degree of a rule", e, self.diagnostics)
-                    .and_then(|d| {
-                        #[expect(
-                            clippy::cast_possible_truncation,
-                            clippy::cast_sign_loss,
-                            reason = "checked in the guard"
-                        )]
-                        if d.fract() == 0.0 && (0.0..=MAX_DEGREE).contains(&d) {
-                            return Some(RuleChoice::Degree(d as usize));
-                        }
-                        let m = Diagnostic::new(
-                            Code::E411,
-                            format!(
-                                "the degree of a quadrature rule is a whole number from 0 to {MAX_DEGREE}, found {d}"
-                            ),
-                        );
-                        self.diagnostics.push(m.at(e.span, ""));
-                        None
-                    }),
-            };
-            let Some(choice) = choice else { continue };
+            let Some(choice) = self.given(statement) else { continue };
+            if let RuleChoice::Segments { mapping, .. } = choice {
+                self.cuts_something(statement, mapping, laws);
+            }
             for place in &statement.places {
                 rules.insert(place.name.clone(), choice);
             }
         }
         rules
+    }
+
+    /// The rule that a statement asks for; `None` after a message.
+    fn given(&mut self, statement: &wfl::Quadrature) -> Option<RuleChoice> {
+        let degree = match &statement.rule {
+            QuadratureRule::Vertex if statement.segments.is_none() => return Some(RuleChoice::Vertex),
+            QuadratureRule::Vertex => {
+                let d = Diagnostic::new(Code::E411, "segments have no rule at vertices: they end where edges pass");
+                self.diagnostics.push(d.at(statement.span, "a degree is needed: segments of m degree 4"));
+                return None;
+            }
+            QuadratureRule::Degree(e) => self.degree(e)?,
+        };
+        let Some(name) = &statement.segments else { return Some(RuleChoice::Degree(degree)) };
+        // a mapping with a message of its own is not there
+        let mapping = self.parts.env.mappings.iter().position(|m| m.name == name.name)?;
+        let why = if self.parts.mesh.dim() < 2 {
+            "the faces of a line are points"
+        } else if !self.parts.env.mappings[mapping].has_normal {
+            "it leads to positions: there are no edges of faces to cut at"
+        } else {
+            return Some(RuleChoice::Segments { mapping, degree });
+        };
+        let d = Diagnostic::new(Code::E411, format!("there are no segments of `{}`", name.name));
+        self.diagnostics.push(d.at(name.span, why));
+        None
+    }
+
+    /// The degree of a rule; `None` after a message.
+    fn degree(&mut self, e: &wfl::ast::Expr) -> Option<usize> {
+        let d = number(self.parts.env, "the degree of a rule", e, self.diagnostics)?;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked in the guard")]
+        if d.fract() == 0.0 && (0.0..=MAX_DEGREE).contains(&d) {
+            return Some(d as usize);
+        }
+        let m = Diagnostic::new(
+            Code::E411,
+            format!("the degree of a quadrature rule is a whole number from 0 to {MAX_DEGREE}, found {d}"),
+        );
+        self.diagnostics.push(m.at(e.span, ""));
+        None
+    }
+
+    /// W411 for segments of a mapping that no law there reads through: nothing is cut.
+    fn cuts_something(&mut self, statement: &wfl::Quadrature, mapping: usize, laws: &[PlacedLaw]) {
+        let is_here = |l: &&PlacedLaw| statement.places.iter().any(|p| p.name == l.place);
+        let mut here = laws.iter().filter(is_here).peekable();
+        let is_measured = self.parts.script.reductions().flat_map(|m| &m.places);
+        let mut is_measured = is_measured.filter(|p| statement.places.iter().any(|q| q.name == p.name));
+        if is_measured.next().is_some()
+            || here.peek().is_none()
+            || here.any(|l| l.law.listing.graph.mapping == Some(mapping))
+        {
+            return;
+        }
+        let name = &self.parts.env.mappings[mapping].name;
+        let d = Diagnostic::new(Code::W411, format!("no term on this region reads through `{name}`: nothing is cut"));
+        self.diagnostics.push(d.at(statement.span, "the terms here have the rule on whole faces"));
     }
 }
 

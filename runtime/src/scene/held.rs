@@ -8,6 +8,7 @@ use super::Builder;
 use crate::{
     assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
     contact::{ContactParts, ContactTerm},
+    domain::NAME,
     field::{Field, FieldSpace},
     point_space::PointSpace,
     system::{FrozenTerm, Numbering, System},
@@ -70,7 +71,9 @@ impl Builder<'_> {
             fields.push(data(String::new(), 1, FieldSpace::Global));
         }
         let points = FieldSpace::Points(PointSpace::new(&self.mesh, domain));
-        fields.push(data(format!("branches of {}", law.law.name), law.sizes.point, points));
+        let is_cut = domain.moving.as_ref().is_some_and(|points| points.are_of_pieces());
+        let n = law.sizes.point + if is_cut { NAME } else { 0 };
+        fields.push(data(format!("branches of {}", law.law.name), n, points));
         fields.push(data(format!("regularisation of {}", law.law.name), law.sizes.term, FieldSpace::Global));
         let mut starts = numbering.starts.clone();
         starts.resize(fields.len(), None);

@@ -19,10 +19,11 @@ use wfl_compiler::{
 };
 
 use crate::{
-    assemble::{Domain, Follows, ImageSearch, MovingPoints},
+    assemble::{Cut, Domain, Follows, ImageSearch, MovingPoints},
     field::{Field, FieldSpace},
     finite::{BadGiven, NotFinite},
     mesh::{CellFinder, CellId, FacetFinder, FacetRef, Mesh, RegionSet, SupportSet},
+    quadrature::QuadratureError,
     scene::{Parts, constants::number, mesh::position_place},
     space::Support,
     value::Value,
@@ -261,6 +262,8 @@ pub(super) fn fields_there<'s>(inputs: &[InputSlot], others: impl IntoIterator<I
 pub(super) struct Through {
     pub(super) mapping: usize,
     pub(super) there: Vec<usize>,
+    /// Faces are cut by those that the mapping leads to: the degree of the rule on each piece.
+    pub(super) pieces: Option<usize>,
 }
 
 impl Mappings {
@@ -324,18 +327,21 @@ impl Mappings {
                     diagnostics.push(d);
                     return None;
                 }
-                let made = moving_points(mesh, fields, base, onto, *moves, *reach);
-                if made.is_none() {
+                let search = ImageSearch { by: moves.by, reach: *reach, pieces: through.pieces };
+                return moving_points(mesh, fields, base, onto, *moves, search).or_else(|| {
                     diagnostics.push(no_faces(name, span));
-                }
-                return made;
+                    None
+                });
             }
             Search::Facets { raytrace, from, finder, reach } => {
                 if let Some(d) = not_mapped(base, from, name, span) {
                     diagnostics.push(d);
                     return None;
                 }
-                Domain::mapped(mesh, base, |x, normal| match (raytrace, normal) {
+                let cut = Cut { onto: finder.facets(), reach: *reach, is_facing: *raytrace, degree: 0 };
+                let cut = through.pieces.map(|degree| Domain::segments(mesh, base, Cut { degree, ..cut })).transpose();
+                let Ok(cut) = cut.map_err(|e| diagnostics.push(no_rule(&e, span))) else { return None };
+                Domain::mapped(mesh, cut.as_ref().unwrap_or(base), |x, normal| match (raytrace, normal) {
                     (true, Some(n)) => finder.hit(mesh, x, n, *reach),
                     _ => finder.nearest(mesh, x, *reach),
                 })
@@ -349,9 +355,7 @@ impl Mappings {
             return None;
         }
         if lost > 0 {
-            let d =
-                Diagnostic::new(Code::W406, format!("{lost} of {total} points have no image under `{}`", name.name));
-            diagnostics.push(d.at(span, "the term is not integrated there").at(name.span, "declared here"));
+            diagnostics.push(not_all([lost, total], name, span));
         }
         Some(Arc::new(domain))
     }
@@ -384,15 +388,26 @@ fn moving_points(
     base: &Domain,
     onto: &[FacetRef],
     moves: Moves,
-    reach: f64,
+    search: ImageSearch,
 ) -> Option<Arc<Domain>> {
     let follows = |field: FieldId| match &fields[field.index()].space {
         FieldSpace::Nodal(space) => Some(Follows { field: field.index(), space: space.clone() }),
         FieldSpace::Global | FieldSpace::Points(_) => None,
     };
     let bodies = [follows(moves.here)?, follows(moves.there)?];
-    let points = MovingPoints::new(mesh, base, onto, bodies, ImageSearch { by: moves.by, reach })?;
+    let points = MovingPoints::new(mesh, base, onto, bodies, search)?;
     Some(Arc::new(points).at(mesh, &[]))
+}
+
+/// The message about points that have no image, so many of all.
+fn not_all([lost, total]: [usize; 2], name: &Ident, span: Span) -> Diagnostic {
+    let d = Diagnostic::new(Code::W406, format!("{lost} of {total} points have no image under `{}`", name.name));
+    d.at(span, "the term is not integrated there").at(name.span, "declared here")
+}
+
+/// The message about a rule that there is none of.
+fn no_rule(error: &QuadratureError, span: Span) -> Diagnostic {
+    Diagnostic::new(Code::E411, error.to_string()).at(span, "")
 }
 
 /// The message about a mapping that moves without faces to lead to.

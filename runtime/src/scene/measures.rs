@@ -59,7 +59,7 @@ impl Builder<'_> {
             _ => rules.get("all"),
         };
         let own_rule = rules.get(place).or_else(|| states_read(&self.fields, &law.inputs).find_map(of_state));
-        match own_rule.copied() {
+        match own_rule.map(|choice| choice.through(law.mapping)) {
             Some(RuleChoice::Degree(degree)) if free => RuleChoice::Degree(degree.max(own)),
             Some(RuleChoice::Nodes { .. }) if free => RuleChoice::Degree(own),
             Some(choice) => choice,
@@ -138,7 +138,7 @@ impl Builder<'_> {
                 _ => {
                     let rule = self.rule_of_measure(measure, &law, &place.name, rules);
                     let there = mappings::fields_there(&law.inputs, []);
-                    let through = law.mapping.map(|mapping| mappings::Through { mapping, there });
+                    let through = law.mapping.map(|mapping| mappings::Through { mapping, there, pieces: None });
                     let parts = self.parts_of_measure(measure, set.as_ref(), &law, rule);
                     self.domain(&(place.name.clone(), set, through), PointsOf { rule, parts }, measure.expr.span)
                 }

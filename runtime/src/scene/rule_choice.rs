@@ -23,6 +23,14 @@ pub(super) type Rules = BTreeMap<String, RuleChoice>;
 pub enum RuleChoice {
     /// Gauss points exact to this degree.
     Degree(usize),
+    /// Gauss points of this degree on the pieces between edges of the faces that a mapping leads to, for laws that read
+    /// through it; on whole faces for others.
+    Segments {
+        /// The number of the mapping.
+        mapping: usize,
+        /// The degree.
+        degree: usize,
+    },
     /// The nodes of the fields on the region: the vertices for degree 1, Simpson's points for degree 2.
     Vertex,
     /// As many points as elements of this degree have nodes; inside faces that meet the axis where a coordinate is zero.
@@ -40,8 +48,22 @@ impl RuleChoice {
     pub fn words(self) -> String {
         match self {
             RuleChoice::Degree(degree) => format!("degree {degree}"),
+            RuleChoice::Segments { degree, .. } => format!("segments, degree {degree}"),
             RuleChoice::Vertex => "vertex".to_owned(),
             RuleChoice::Nodes { .. } => "nodes".to_owned(),
+        }
+    }
+
+    /// The degree on pieces of faces, where they are cut.
+    pub(super) fn pieces(self) -> Option<usize> {
+        if let RuleChoice::Segments { degree, .. } = self { Some(degree) } else { None }
+    }
+
+    /// The rule of a law that reads through this mapping, if any: faces are cut for laws that read through the one that cuts.
+    pub(super) fn through(self, read: Option<usize>) -> RuleChoice {
+        match self {
+            RuleChoice::Segments { mapping, degree } if read != Some(mapping) => RuleChoice::Degree(degree),
+            choice => choice,
         }
     }
 
@@ -50,6 +72,7 @@ impl RuleChoice {
     /// than those of the contact (the temperature beside a displacement): some of its nodes have no point here.
     pub(super) fn of(self, law: &TermLaw, fields: &[Field]) -> RuleChoice {
         match self {
+            RuleChoice::Segments { .. } => self.through(law.listing.graph.mapping),
             RuleChoice::Nodes { .. } if law.class == Class::Constant => RuleChoice::Degree(law.degree.rule()),
             RuleChoice::Nodes { degree, .. } if !is_bound(law, fields) && highest(law, fields) > Some(degree) => {
                 RuleChoice::Degree(law.degree.rule())

@@ -127,7 +127,7 @@ impl Builder<'_> {
                 continue;
             }
             let there = fields_there(&law.inputs, []);
-            let through = law.mapping.map(|mapping| Through { mapping, there });
+            let through = law.mapping.map(|mapping| Through { mapping, there, pieces: None });
             let places = match &declared.space.place {
                 Place::Everywhere => BTreeSet::from(["all".to_owned()]),
                 Place::Global(_) => BTreeSet::new(),
@@ -166,6 +166,19 @@ impl Builder<'_> {
                 .filter(|(_, p)| shared.places.contains(&p.name))
                 .filter_map(|(q, p)| Some((q, *rules.get(&p.name)?)))
                 .collect();
+            if let Some((statement, _)) = said.iter().find(|(_, choice)| choice.pieces().is_some()) {
+                let names: Vec<&str> = shared.states.iter().map(|k| self.fields[*k].name.as_str()).collect();
+                let d = Diagnostic::new(
+                    Code::E411,
+                    format!(
+                        "the state `{}` has values at points of a rule, and segments have others",
+                        names.join("`, `")
+                    ),
+                );
+                let d = d.at(statement.span, "cut where edges pass, which changes as the bodies slide");
+                self.diagnostics.push(d.help("quadrature on the region degree n keeps its points"));
+                continue;
+            }
             if let Some(pair) = said.windows(2).find(|pair| pair[0].1 != pair[1].1) {
                 let names: Vec<&str> = shared.states.iter().map(|k| self.fields[*k].name.as_str()).collect();
                 let d =

@@ -384,7 +384,7 @@ pub(super) fn domain(
         let made = match rule {
             RuleChoice::Vertex => nodal(kind, nodes),
             RuleChoice::Nodes { degree, .. } => Ok(one_per_node(kind, degree)),
-            RuleChoice::Degree(d) => composite(kind, d, parts),
+            RuleChoice::Degree(d) | RuleChoice::Segments { degree: d, .. } => composite(kind, d, parts),
         };
         made.unwrap_or_else(|e| {
             refused.set(Some(e));

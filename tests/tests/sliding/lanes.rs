@@ -22,8 +22,8 @@ region upper = cells where z > 1
 region sole  = interface from upper to lower
 unknown a : vector {element} on upper
 unknown b : vector {element} on lower
-term upper on upper : Grad_a:Grad_Test_a
-term lower on lower : Grad_b:Grad_Test_b
+term upper on upper : (1 + a.a)*Grad_a:Grad_Test_a
+term lower on lower : (1 + b.b)*Grad_b:Grad_Test_b
 mapping m = point 0.8*X + [0.4, 0.3, 0.05]
 def jump = a - Interpolate(b, m)
 term contact on sole : (1 + jump.jump)*jump.(Test_a - Interpolate(Test_b, m))

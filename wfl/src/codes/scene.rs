@@ -76,7 +76,8 @@ pages! {
     page(
         E411,
         "a quadrature rule that does not exist",
-        "The degree of a quadrature rule is a whole number up to a fixed limit.",
+        "The degree of a quadrature rule is a whole number up to a fixed limit. Segments (`segments of m`) need a mapping onto \
+         faces and a degree; their points change as bodies slide, so that a `state` has no values there.",
         "quadrature on fault degree 2.5",
         "quadrature on fault degree 3",
     ),

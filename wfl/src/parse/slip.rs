@@ -331,6 +331,7 @@ fn contextual(rule: Rule) -> &'static [&'static str] {
         Rule::k_at | Rule::at | Rule::measure_at => &["at"],
         Rule::k_nodes | Rule::at_nodes => &["nodes"],
         Rule::k_degree | Rule::quad_degree => &["degree"],
+        Rule::k_segments | Rule::quad_segments => &["segments"],
         Rule::k_vertex => &["vertex"],
         Rule::k_across => &["across"],
         Rule::k_then => &["then"],

@@ -109,6 +109,7 @@ const TOKENS: &[Rule] = {
         R::k_moving,
         R::k_within,
         R::k_degree,
+        R::k_segments,
         R::k_every,
         R::k_at,
         R::k_nodes,
@@ -234,7 +235,7 @@ impl Reader<'_> {
                 ItemKind::Scheme { name: self.ident(&p.next()), options: self.option_list(p.take_all(Rule::option))? }
             }
             Rule::solver => ItemKind::Solver { name: self.ident(&p.next()), options: self.options(&mut p)? },
-            Rule::quadrature => ItemKind::Quadrature { places: self.places(p.next()), rule: self.rule(p.next())? },
+            Rule::quadrature => self.quadrature(p)?,
             Rule::measure => self.measure(p)?,
             Rule::balance => ItemKind::Balance { name: self.name(&p.next())?, fields: self.places(p.next()) },
             Rule::event => self.event(p)?,
@@ -489,6 +490,13 @@ impl Reader<'_> {
             return Ok(ItemKind::StartFrom { path: self.text(&first), path_span: self.span(&first) });
         }
         Ok(ItemKind::Start { field: self.ident(&first), value: self.value(p.next())? })
+    }
+
+    /// `on r degree n`, or `on r segments of m degree n`.
+    fn quadrature(&self, mut p: Parts<'_>) -> Parsed<ItemKind> {
+        let places = self.places(p.next());
+        let segments = p.take(Rule::quad_segments).map(|pair| self.ident(&self.only(pair)));
+        Ok(ItemKind::Quadrature { places, segments, rule: self.rule(p.next())? })
     }
 
     fn rule(&self, pair: Pair<'_>) -> Parsed<QuadratureRule> {

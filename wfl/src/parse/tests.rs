@@ -139,6 +139,16 @@ fn statements_carry_what_they_say() {
 }
 
 #[test]
+fn a_rule_on_segments_names_its_mapping() {
+    let (found, codes) = items("quadrature on a, b segments of m degree 2*n\nquadrature on a segments degree 2\n");
+    assert_eq!((found.len(), codes.as_str()), (1, "E113"));
+    let ItemKind::Quadrature { places, segments, rule } = &found[0].kind else { panic!("{:?}", found[0]) };
+    assert_eq!(places.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["a", "b"]);
+    assert_eq!(segments.as_ref().map(|m| m.name.as_str()), Some("m"));
+    assert!(matches!(rule, crate::ast::QuadratureRule::Degree(e) if show(e) == "(2 * n)"));
+}
+
+#[test]
 fn a_refinement_has_places_a_condition_rounds_and_directions_in_this_order() {
     let text = "refine where x^2 < 1 times 2*n along x, y\nrefine on a, b times 3\nrefine on a where y > 0\nrefine times 2\n\
         refine where x < 1 along x times 2\n";

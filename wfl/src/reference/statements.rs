@@ -319,6 +319,15 @@ pub(super) const ROWS: &[StatementRow] = &[
                   second order, and where a law on hexahedra reads the traction (`docs/quadrature.md`); `wfl check` tells the rule and why",
     },
     StatementRow {
+        word: "quadrature",
+        usage: "`quadrature on r segments of m degree n`",
+        meaning: "faces of `r` are cut where they lie opposite of edges of the faces that the mapping `m` leads to, anew in each state \
+                  where it moves; each piece has a Gauss rule of degree `n` (of a segment or of triangles). For laws that read \
+                  through `m`, whose other side has kinks at these edges: a constant pressure passes exactly. Other laws on \
+                  `r` have the plain rule of degree `n`. No `state` and no `vertex` rule there (E411)",
+        default: "",
+    },
+    StatementRow {
         word: "measure",
         usage: "`measure m = mean/max/min/integral(expr) on r`",
         meaning: "a number to print and report at each step, a column of `measures.csv`; one that is not finite ends with \

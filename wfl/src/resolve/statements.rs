@@ -174,13 +174,14 @@ impl<'d> Resolver<'d> {
                 known?;
                 self.script.solver = Some(Solver { name: name.clone(), options, span });
             }
-            ItemKind::Quadrature { places, rule } => {
+            ItemKind::Quadrature { places, segments, rule } => {
                 let places = self.places(places, Allowed::Regions);
+                segments.as_ref().map_or(Some(()), |mapping| self.one_mapping(mapping))?;
                 let rule = match rule {
                     QuadratureRule::Vertex => QuadratureRule::Vertex,
                     QuadratureRule::Degree(e) => QuadratureRule::Degree(self.expr(e)?),
                 };
-                self.script.quadratures.push(Quadrature { places: places?, rule, span });
+                self.script.quadratures.push(Quadrature { places: places?, segments: segments.clone(), rule, span });
             }
             ItemKind::Measure { name, reduction, expr, places, at } => {
                 let places = self.places(places, Allowed::RegionsAndGlobal);

@@ -12,9 +12,10 @@ use wfl_compiler::{
     types::{BasisSlot, FieldId, FieldOp, InputSlot, RateOrder, Side},
 };
 
-use crate::domain::{Domain, Group, table_of_each};
+use crate::domain::{Domain, Group, PointName, nearest_points, table_of_each};
 use crate::{
     assemble::{
+        basis::{Basis, Functions, NO_VALUE, basis},
         lanes::{has_parts, in_lanes},
         simd::Lanes,
     },
@@ -24,142 +25,6 @@ use wfl_mesh::{
     element::Table,
     mesh::{FacetRef, Mesh},
 };
-
-/// A field on one side of a group: its basis at the points and its nodes in each entity.
-#[derive(Clone, Debug)]
-pub struct Basis {
-    /// The field.
-    pub field: FieldId,
-    /// On which side.
-    pub side: Side,
-    /// Components at a node.
-    pub n_components: usize,
-    /// Nodes in an entity.
-    pub n_nodes: usize,
-    /// Values and reference derivatives at the points, those of a field on facets in the parameters of the facet.
-    pub table: Table,
-    /// Of a field on facets: derivatives of the reference point of the cell in those parameters.
-    pub tangents: Option<[[f64; 3]; 2]>,
-    /// Where entities are points: by entity its row of the table; else empty.
-    pub rows: Arc<[u32]>,
-    /// By entity how many of its nodes are its own, the others stand in and have no function; empty where all are.
-    pub(super) counts: Vec<u16>,
-    /// By entity the tangents, where they differ; else empty.
-    pub(super) own_tangents: Vec<[[f64; 3]; 2]>,
-    /// Highest derivative that a slot reads.
-    pub order: usize,
-    /// Node numbers: `nodes[entity * n_nodes + i]`.
-    pub nodes: Vec<u32>,
-    /// Where its dofs start among the local dofs of the law.
-    pub offset: usize,
-    /// Functions whose value is not zero (to rounding) at all points: those of the nodes on the facet, as a rule.
-    pub support: Vec<u16>,
-    starts: Starts,
-}
-
-/// Where the numbers of a basis start: values among those that every batch shares, derivatives in the workspace.
-#[derive(Clone, Copy, Debug, Default)]
-struct Starts {
-    /// `[point][function]`
-    values: usize,
-    /// `[point][function of the support]`
-    support: usize,
-    /// `[direction][point][function]`, or `[direction][function]` where gradients are the same at all points.
-    gradients: usize,
-    /// `[pair of directions][point][function]`
-    hessians: usize,
-    /// Gradients are the same at all points: linear functions on cells with an affine map.
-    constant_gradients: bool,
-    /// Entities are points: all numbers are in the workspace, those of one point.
-    own: bool,
-}
-
-/// Basis functions under one operation: those of point `q` start at `start + q * step`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Operand {
-    /// In [`GroupBinding::values`], else among the derivatives of the workspace.
-    pub(super) is_value: bool,
-    /// Of point 0.
-    pub(super) start: usize,
-    /// From point to point.
-    pub(super) step: usize,
-    /// How many functions.
-    pub(super) n: usize,
-}
-
-impl Operand {
-    /// The functions at a point.
-    #[inline(always)]
-    pub(super) fn at<'a>(&self, values: &'a [Lanes], derivatives: &'a [Lanes], q: usize) -> &'a [Lanes] {
-        let from = if self.is_value { values } else { derivatives };
-        &from[self.start + q * self.step..][..self.n]
-    }
-}
-
-impl Basis {
-    /// The functions under an operation; `on_support` leaves out those whose value is zero at all points.
-    pub(super) fn operand(&self, op: FieldOp, direction: usize, on_support: bool) -> Operand {
-        let n = self.n_nodes;
-        let derivatives = |start: usize| {
-            let start = start + direction * self.n_points() * n;
-            Operand { is_value: false, start, step: n, n }
-        };
-        let is_value = !self.starts.own;
-        match op {
-            FieldOp::Value if on_support => {
-                let n = self.support.len();
-                Operand { is_value, start: self.starts.support, step: n, n }
-            }
-            FieldOp::Value => Operand { is_value, start: self.starts.values, step: n, n },
-            FieldOp::Grad if self.starts.constant_gradients => {
-                Operand { is_value: false, start: self.starts.gradients + direction * n, step: 0, n }
-            }
-            FieldOp::Grad => derivatives(self.starts.gradients),
-            FieldOp::Hess => derivatives(self.starts.hessians),
-        }
-    }
-
-    /// All functions, or those of the support.
-    pub(super) fn functions(&self, on_support: bool) -> Vec<usize> {
-        if on_support { self.support.iter().map(|i| usize::from(*i)).collect() } else { (0..self.n_nodes).collect() }
-    }
-
-    /// Points of each entity.
-    pub(super) fn n_points(&self) -> usize {
-        if self.starts.own { 1 } else { self.table.n_points }
-    }
-
-    /// Whether one of two functions, this one and that of another basis, is zero (to rounding) at each point.
-    pub(super) fn is_apart(&self, function: usize, other: &Self, of_other: usize) -> bool {
-        let is_zero = |of: &Self, q: usize, k: usize| of.table.values[q * of.n_nodes + k].abs() <= NO_VALUE;
-        if self.starts.own && (self.side == Side::There || other.side == Side::There) {
-            // other images have other rows
-            return false;
-        }
-        (0..self.table.n_points).all(|q| is_zero(self, q, function) || is_zero(other, q, of_other))
-    }
-
-    /// How many of the nodes of an entity are its own.
-    pub(super) fn n_own_nodes(&self, entity: usize) -> usize {
-        self.counts.get(entity).map_or(self.n_nodes, |count| usize::from(*count))
-    }
-
-    /// Local dof of a component at a node.
-    pub(super) fn dof(&self, node: usize, component: usize) -> usize {
-        self.offset + node * self.n_components + component
-    }
-
-    /// True if gradients are the same at all points.
-    pub(super) fn has_constant_gradients(&self) -> bool {
-        self.starts.constant_gradients
-    }
-
-    /// Local dofs.
-    #[must_use]
-    pub fn n_dofs(&self) -> usize {
-        self.n_nodes * self.n_components
-    }
-}
 
 /// Where one slot finds its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -185,17 +50,6 @@ pub enum Input {
     History(RateOrder, SlotPlace),
     /// Geometry.
     Geometry(InputSlot),
-}
-
-/// What the plan of a tangent takes of the functions of a basis at one point.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Functions {
-    field: FieldId,
-    side: Side,
-    n: usize,
-    start: usize,
-    order: usize,
-    support: Vec<u16>,
 }
 
 /// The bases of one group.
@@ -243,6 +97,25 @@ pub struct Binding {
     moving: Option<Arc<Rebinding>>,
     /// The same points as entities of their own, where a law is assembled on them.
     pub(super) in_lanes: Option<Arc<Integrator>>,
+    /// Where points are others in each state: the values at points that were given for those of another one.
+    carried: Vec<Carried>,
+}
+
+/// Values at the points of one state for those of another: that of the nearest point of the face.
+#[derive(Clone, Debug, PartialEq)]
+struct Carried {
+    field: usize,
+    /// By point of the domain the number of the point that the value is taken from.
+    nodes: Vec<u32>,
+}
+
+/// What a law that is bound again has from before.
+#[derive(Default)]
+struct Again<'a> {
+    /// The binding on the same points with other images.
+    known: Option<&'a Binding>,
+    /// Values that were given at other points.
+    carried: Vec<Carried>,
 }
 
 /// A law on points whose images move, and where it was bound last.
@@ -274,13 +147,17 @@ impl Integrator {
     pub fn at(&self, mesh: &Mesh, current: &[&[f64]]) -> Self {
         let (Some(points), Some(of)) = (&self.domain.moving, &self.binding.moving) else { return self.clone() };
         let domain = points.at(mesh, current);
+        let carried = if points.are_of_pieces() { of.carried(&domain, current) } else { Vec::new() };
         let last = || of.last.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(made) = last().as_ref().filter(|made| Arc::ptr_eq(&made.domain, &domain)) {
+        if let Some(made) =
+            last().as_ref().filter(|made| Arc::ptr_eq(&made.domain, &domain) && made.binding.carried == carried)
+        {
             return made.clone();
         }
         let slots = LawSlots { inputs: &of.inputs, tests: &of.tests, trials: &of.trials };
-        let binding = Binding::fixed(mesh, &domain, &of.fields, slots, Some(&self.binding))
-            .expect("fields live behind all faces");
+        let known = Some(&*self.binding).filter(|_| !points.are_of_pieces());
+        let binding = Binding::fixed(mesh, &domain, &of.fields, slots, Again { known, carried });
+        let binding = binding.expect("fields live behind all faces");
         let made = Self { domain, binding: Arc::new(binding) };
         *last() = Some(made.clone());
         made
@@ -328,17 +205,35 @@ pub struct LawSlots<'a> {
     pub trials: &'a [BasisSlot],
 }
 
+impl LawSlots<'_> {
+    /// The highest derivative by field and side.
+    fn fields(self) -> BTreeMap<(FieldId, Side), usize> {
+        let mut pairs: BTreeMap<(FieldId, Side), usize> = BTreeMap::new();
+        let mut note = |slot: &BasisSlot| {
+            let order = pairs.entry((slot.field, slot.side)).or_default();
+            *order = (*order).max(slot.op.order());
+        };
+        self.tests.iter().chain(self.trials).for_each(&mut note);
+        for slot in self.inputs {
+            if let InputSlot::Field(s) | InputSlot::Previous(s) | InputSlot::History(_, s) = slot {
+                note(s);
+            }
+        }
+        pairs
+    }
+}
+
 impl Binding {
     /// Binds the slots of a law on a domain to the spaces of the fields.
     ///
     /// # Errors
     /// [`FieldError`] when a field has no dofs on an entity of the domain.
     pub fn new(mesh: &Mesh, domain: &Domain, fields: &[Field], law: LawSlots<'_>) -> Result<Self, FieldError> {
-        let mut made = Self::fixed(mesh, domain, fields, law, None)?;
+        let mut made = Self::fixed(mesh, domain, fields, law, Again::default())?;
         let is_assembled = !law.tests.is_empty() && has_parts(domain);
         let acting = || made.groups.iter().map(|group| group.acting(fields)).collect::<Vec<_>>();
         if let Some(domain) = is_assembled.then(|| in_lanes(mesh, domain, &acting())).flatten() {
-            let binding = Arc::new(Self::fixed(mesh, &domain, fields, law, None)?);
+            let binding = Arc::new(Self::fixed(mesh, &domain, fields, law, Again::default())?);
             made.in_lanes = Some(Arc::new(Integrator { domain: Arc::new(domain), binding }));
         }
         made.moving = domain.moving.as_ref().map(|_| {
@@ -353,25 +248,16 @@ impl Binding {
         Ok(made)
     }
 
-    /// The same with the images as they are; `known` is one on the same points with other images.
+    /// The same with the images as they are.
     fn fixed(
         mesh: &Mesh,
         domain: &Domain,
         fields: &[Field],
         law: LawSlots<'_>,
-        known: Option<&Self>,
+        again: Again<'_>,
     ) -> Result<Self, FieldError> {
-        let mut pairs: BTreeMap<(FieldId, Side), usize> = BTreeMap::new();
-        let mut note = |slot: &BasisSlot| {
-            let order = pairs.entry((slot.field, slot.side)).or_default();
-            *order = (*order).max(slot.op.order());
-        };
-        law.tests.iter().chain(law.trials).for_each(&mut note);
-        for slot in law.inputs {
-            if let InputSlot::Field(s) | InputSlot::Previous(s) | InputSlot::History(_, s) = slot {
-                note(s);
-            }
-        }
+        let Again { known, carried } = again;
+        let pairs = law.fields();
         let index: BTreeMap<(FieldId, Side), usize> = pairs.keys().enumerate().map(|(k, key)| (*key, k)).collect();
         let place = |slot: &BasisSlot| {
             let n = fields[slot.field.index()].n_components;
@@ -394,14 +280,21 @@ impl Binding {
             })
             .collect();
         let mut groups = Vec::with_capacity(domain.groups.len());
+        let mut first = 0;
         for (g, group) in domain.groups.iter().enumerate() {
             let mut bases = Vec::with_capacity(pairs.len());
             let mut offset = 0;
+            let points = first..first + group.entities.len() * group.n_points();
+            first = points.end;
             for (k, ((field, side), order)) in pairs.iter().enumerate() {
                 let stays = known.filter(|_| *side == Side::Here).map(|known| &known.groups[g].bases[k]);
-                let basis = match stays {
-                    Some(basis) => Basis { offset, ..basis.clone() },
-                    None => basis(mesh, group, &fields[field.index()], *field, *side, *order, offset)?,
+                let elsewhere = carried.iter().find(|c| c.field == field.index());
+                let basis = match (stays, elsewhere) {
+                    (Some(basis), _) => Basis { offset, ..basis.clone() },
+                    (None, Some(c)) => {
+                        Basis::at_points(&fields[c.field], *field, offset, group, &c.nodes[points.clone()])
+                    }
+                    (None, None) => basis(mesh, group, &fields[field.index()], *field, *side, *order, offset)?,
                 };
                 offset += basis.n_dofs();
                 bases.push(basis);
@@ -410,7 +303,8 @@ impl Binding {
         }
         let tests = law.tests.iter().map(place).collect();
         let trials = law.trials.iter().map(place).collect();
-        let mut binding = Self { inputs, tests, trials, groups, needs: Needs::default(), moving: None, in_lanes: None };
+        let needs = Needs::default();
+        let mut binding = Self { inputs, tests, trials, groups, needs, moving: None, in_lanes: None, carried };
         binding.needs = binding.needs_of(pairs.len(), |_| true, true, true);
         Ok(binding)
     }
@@ -454,7 +348,7 @@ impl GroupBinding {
         for basis in &mut bases {
             let table = &basis.table;
             if group.own.is_some() {
-                basis.starts = starts_of_point(dim, basis, &mut n_derivatives);
+                basis.start_at_point(dim, &mut n_derivatives);
                 continue;
             }
             basis.starts.values = values.len();
@@ -482,15 +376,7 @@ impl GroupBinding {
     /// By basis what the tangent of a group of points is made of: its field, side, functions, those that act, and their
     /// places.
     pub(super) fn functions(&self) -> Vec<Functions> {
-        let of = |b: &Basis| Functions {
-            field: b.field,
-            side: b.side,
-            n: b.n_nodes,
-            start: b.starts.values,
-            order: b.order,
-            support: b.support.clone(),
-        };
-        self.bases.iter().map(of).collect()
+        self.bases.iter().map(Basis::of_plan).collect()
     }
 
     /// By field and side the functions that act; `None` where some act at some of the points alone.
@@ -524,53 +410,23 @@ fn bent(mesh: &Mesh, group: &Group, bases: &[Basis]) -> Option<Table> {
     bases.iter().any(reads).then(|| table_of_each(images.cells.len(), element, |k| images.points[k], 2))
 }
 
-/// Where the numbers of a basis start, of entities that are points; all of them are in the workspace.
-fn starts_of_point(dim: usize, basis: &Basis, end: &mut usize) -> Starts {
-    let mut take = |size: usize| {
-        *end += size;
-        *end - size
-    };
-    let n = basis.n_nodes;
-    Starts {
-        values: take(n),
-        support: take(basis.support.len()),
-        gradients: take(if basis.order > 0 { dim * n } else { 0 }),
-        hessians: take(if basis.order > 1 { dim * dim * n } else { 0 }),
-        constant_gradients: false,
-        own: true,
+impl Rebinding {
+    /// The values at points that the law reads, where they were given for the points of another state: each point of them
+    /// ends with its name.
+    fn carried(&self, domain: &Domain, current: &[&[f64]]) -> Vec<Carried> {
+        let mut names = None;
+        let mut all: Vec<Carried> = Vec::new();
+        for slot in &self.inputs {
+            let InputSlot::Field(b) = slot else { continue };
+            let k = b.field.index();
+            if all.iter().any(|c| c.field == k) || !matches!(self.fields[k].space, FieldSpace::Points(_)) {
+                continue;
+            }
+            let points = current[k].chunks_exact(self.fields[k].n_components);
+            let from: Vec<PointName> = points.filter_map(|point| point.last_chunk().copied()).collect();
+            let to = names.get_or_insert_with(|| domain.point_names());
+            all.push(Carried { field: k, nodes: nearest_points(&from, to) });
+        }
+        all
     }
-}
-
-/// A basis function below this at every point does not act there; its largest value is 1.
-const NO_VALUE: f64 = 1e-14;
-
-fn basis(
-    mesh: &Mesh,
-    group: &Group,
-    field: &Field,
-    id: FieldId,
-    side: Side,
-    order: usize,
-    offset: usize,
-) -> Result<Basis, FieldError> {
-    let tabulated = field.tabulate(mesh, group, side, order)?;
-    let n_nodes = tabulated.table.n_dofs;
-    let is_zero = |i: usize| tabulated.table.values.iter().skip(i).step_by(n_nodes).all(|v| v.abs() <= NO_VALUE);
-    let support = (0..n_nodes).filter(|i| !is_zero(*i)).map(|i| u16::try_from(i).expect("few functions")).collect();
-    Ok(Basis {
-        field: id,
-        side,
-        n_components: field.n_components,
-        n_nodes,
-        table: tabulated.table,
-        tangents: tabulated.tangents,
-        rows: tabulated.rows,
-        counts: tabulated.counts,
-        own_tangents: tabulated.own_tangents,
-        order,
-        nodes: tabulated.nodes,
-        offset,
-        support,
-        starts: Starts::default(),
-    })
 }

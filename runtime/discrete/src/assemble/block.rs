@@ -5,7 +5,7 @@
 use pulp::Simd;
 
 use crate::assemble::{
-    binding::Operand,
+    basis::Operand,
     simd::{Lanes, fused, load, store},
 };
 

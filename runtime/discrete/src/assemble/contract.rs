@@ -11,7 +11,8 @@ use pulp::{Simd, WithSimd};
 use wfl_compiler::{ir::LANES, types::FieldOp};
 
 use crate::assemble::{
-    binding::{Basis, Binding, GroupBinding, Operand, SlotPlace},
+    basis::{Basis, Operand},
+    binding::{Binding, GroupBinding, SlotPlace},
     block::{Block, Product, Row, TILE},
     entries::{Coefficient, Entries},
     evaluate::Workspace,
@@ -32,7 +33,7 @@ pub(super) struct TangentPlan {
     /// is always zero.
     pub(super) sources: Vec<u32>,
     /// Some pairs of functions meet at no point: those of two nodes under a rule with its points at the nodes.
-    has_apart: bool,
+    pub(super) has_apart: bool,
     n_coefficients: usize,
     flux: usize,
     integrals: Vec<Integral>,

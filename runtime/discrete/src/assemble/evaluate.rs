@@ -11,7 +11,8 @@ use wfl_compiler::{
 };
 
 use crate::assemble::{
-    binding::{Binding, GroupBinding, Input, Needs, Operand},
+    basis::Operand,
+    binding::{Binding, GroupBinding, Input, Needs},
     branches::BranchCounts,
     geometry::{OwnRows, PointGeometry, Row, element_size, gather_nodes, length, make_unit},
     simd::{Lanes, ZERO, load, parts, plus_product, store},

@@ -7,7 +7,7 @@
 use pulp::Simd;
 
 use crate::assemble::{
-    binding::Operand,
+    basis::Operand,
     block::{Block, Product, Row},
     entries::{Coefficient, Entries},
     simd::{Lanes, load, parts, store},

@@ -3,6 +3,7 @@
 //! Every sum is taken in one fixed order, so results do not depend on the number of threads; laws read the same bits on
 //! every processor, contracted tangents agree to rounding. Does not know solvers or steps.
 
+mod basis;
 mod binding;
 mod block;
 mod branches;
@@ -21,9 +22,10 @@ mod strips;
 mod term;
 
 pub use crate::domain::{
-    Domain, Follows, Group, GroupSide, ImageSearch, MovingPoints, Over, Places, entity_geometries,
+    Cut, Domain, Follows, Group, GroupSide, ImageSearch, MovingPoints, Over, Places, entity_geometries,
 };
-pub use binding::{Basis, Binding, GroupBinding, Input, Integrator, LawSlots, Needs, SlotPlace};
+pub use basis::Basis;
+pub use binding::{Binding, GroupBinding, Input, Integrator, LawSlots, Needs, SlotPlace};
 pub use branches::BranchCounts;
 pub use entries::tangent_kernel;
 pub use evaluate::{Bound, FieldValues, Workspace};

@@ -305,7 +305,7 @@ mod tests {
             field,
             space: Space::on_cells(&mesh, &topology, cells, 2, Family::Continuous).unwrap(),
         };
-        let search = ImageSearch { by: ImageBy::Closest, reach: 0.5 };
+        let search = ImageSearch { by: ImageBy::Closest, reach: 0.5, pieces: None };
         let points = MovingPoints::new(&mesh, &base, &floor, [follows(0, &above), follows(1, &below)], search);
         points.unwrap().check_shifts(&mesh)
     }

@@ -3,7 +3,9 @@
 //! The points stay where they are and keep their order, that of the place without the mapping: each is an entity of its own.
 //! What moves is found from the displacements alone, for each state anew: the ray from the current position of a point along
 //! its current normal and its hit on the current faces, or their closest point, and how it shifts. A point without an image
-//! has the weight zero; its law reads an image far ahead along the normal, so that it is open.
+//! has the weight zero; its law reads an image far ahead along the normal, so that it is open. Where faces are cut by those
+//! that images lie on, their points are those of the pieces (`segments.rs`), others in each state; a face that lies opposite
+//! of nothing has one of weight zero.
 //!
 //! Promises: the same images for the same displacements, whatever was asked before. Does not know laws.
 
@@ -18,7 +20,9 @@ use rayon::prelude::*;
 use super::{
     Domain, Group, GroupSide,
     own::{ImageMotion, OwnPoints, facet_normals},
+    pieces::{Pieces, at_centres, of_pieces},
     rays::{Current, Hit, ImageSearch, Ray, Targets},
+    segments::CutPoint,
 };
 use crate::space::Space;
 use wfl_compiler::types::ImageBy;
@@ -43,6 +47,8 @@ pub struct Follows {
 #[derive(Clone, Debug)]
 pub(super) struct Point {
     cell: CellId,
+    /// False where it stands for a face that lies opposite of nothing: no image is looked for.
+    has_image: bool,
     /// The displacement here.
     pub(super) table: Arc<Table>,
     pub(super) nodes: Vec<u32>,
@@ -59,7 +65,24 @@ pub(super) struct Point {
 struct Known {
     here: Vec<f64>,
     there: Vec<f64>,
+    found: Found,
+}
+
+/// The points at a state.
+#[derive(Clone, Debug)]
+struct Found {
     domain: Arc<Domain>,
+    /// Those of pieces of faces.
+    of_pieces: Option<Arc<Points>>,
+}
+
+/// Points before their images are known.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Points {
+    /// As groups of points.
+    groups: Vec<Group>,
+    /// By point in the order of the groups.
+    pub(super) list: Vec<Point>,
 }
 
 /// The points of a place whose images move.
@@ -67,9 +90,9 @@ struct Known {
 pub struct MovingPoints {
     over: super::Over,
     n_entities: usize,
-    /// The points as groups without images.
-    groups: Vec<Group>,
-    pub(super) points: Vec<Point>,
+    /// Where faces are cut, one at the centre of each.
+    pub(super) points: Points,
+    pieces: Option<Pieces>,
     pub(super) here: Follows,
     pub(super) there: Follows,
     pub(super) targets: Targets,
@@ -104,20 +127,22 @@ impl MovingPoints {
         let centre = mesh.facet_kind(*first).reference_centre();
         let reference = kind.facet_map(usize::from(first.local)).apply(centre);
         let spare = Image { cell: first.cell, reference, facet: Some(*first) };
-        let (mut points, mut groups) = (Vec::new(), Vec::new());
+        let mut points = Points::default();
         for group in &base.groups {
-            let places = || (0..group.entities.len()).flat_map(|k| (0..group.n_points()).map(move |q| (k, q)));
-            let first = here.space.position_of_cell(group.here.cells[0])?;
-            let element = here.space.element_at(first);
-            let tables: Vec<Arc<Table>> =
-                group.here.points.iter().map(|x| Arc::new(element.tabulate(&[*x], 1))).collect();
-            for (k, q) in places() {
-                points.push(point(mesh, group, [k, q], &here.space, &tables[q])?);
-            }
-            groups.push(group.of_points(places()));
+            let centres = search.pieces.map(|_| at_centres(mesh, group));
+            let group = centres.as_ref().unwrap_or(group);
+            let places = (0..group.entities.len()).flat_map(|k| (0..group.n_points()).map(move |q| (k, q)));
+            let places: Vec<(usize, usize)> = places.collect();
+            points.list.extend(listed(mesh, group, &places, &here.space)?);
+            points.groups.push(group.of_points(places.into_iter()));
         }
         let targets = Targets::new(mesh, onto, there.space.clone(), search)?;
-        limit_by_thickness(mesh, &targets, &mut points);
+        limit_by_thickness(mesh, &targets, &mut points.list);
+        let facets = points.groups.iter().flat_map(|group| group.here.facets.iter().copied()).collect();
+        let pieces = match search.pieces {
+            Some(degree) => Some(Pieces::new(mesh, facets, &here.space, &targets, degree).ok()?),
+            None => None,
+        };
         let (low, high) = mesh.bounds();
         let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
         let ahead = if search.reach.is_finite() { search.reach } else { extent };
@@ -128,19 +153,8 @@ impl MovingPoints {
         let corners = corners.collect::<BTreeMap<_, _>>().into_iter();
         let corners = corners.map(|(kind, element)| (kind, element.tabulate(element.points(), 1))).collect();
         let (over, n_entities) = (base.over, base.n_entities);
-        Some(Self {
-            over,
-            n_entities,
-            groups,
-            points,
-            here,
-            there,
-            targets,
-            spare,
-            ahead,
-            corners,
-            known: Mutex::default(),
-        })
+        let known = Mutex::default();
+        Some(Self { over, n_entities, points, pieces, here, there, targets, spare, ahead, corners, known })
     }
 
     /// The faces that images may lie on.
@@ -160,10 +174,16 @@ impl MovingPoints {
         self.targets.by()
     }
 
-    /// How many points there are.
+    /// How many points there are; where faces are cut how many faces.
     #[must_use]
     pub fn n_points(&self) -> usize {
-        self.points.len()
+        self.points.list.len()
+    }
+
+    /// True where faces are cut, so that their points are others in each state.
+    #[must_use]
+    pub fn are_of_pieces(&self) -> bool {
+        self.pieces.is_some()
     }
 
     /// By face that images may lie on, in their order: those that share a vertex with it, itself included.
@@ -190,15 +210,22 @@ impl MovingPoints {
     /// The points with their images at these values of all fields.
     #[must_use]
     pub fn at(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Arc<Domain> {
+        self.found_at(mesh, current).domain
+    }
+
+    /// The same, with the points of pieces of faces.
+    fn found_at(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Found {
         let (here, there) = (of(current, &self.here), of(current, &self.there));
         let is_of = |known: &&Known| known.here == here && known.there == there;
         if let Some(known) = self.known.lock().unwrap_or_else(PoisonError::into_inner).as_ref().filter(is_of) {
-            return Arc::clone(&known.domain);
+            return known.found.clone();
         }
         // not under the lock: who waits for other threads may be given work that asks for images, too
         let (current, spare) = (self.targets.current(mesh, there), self.spare_displacement(mesh, there));
+        let of_pieces = self.pieces.as_ref().map(|pieces| Arc::new(self.cut(mesh, pieces, [here, there], &current)));
+        let points = of_pieces.as_deref().unwrap_or(&self.points);
         let found = |point: &Point| self.found(mesh, point, [here, there], &current, spare);
-        let found: Vec<(Image, ImageMotion)> = self.points.par_iter().map(found).collect();
+        let found: Vec<(Image, ImageMotion)> = points.list.par_iter().map(found).collect();
         let mut rest = found.as_slice();
         let group = |group: &Group| {
             let (own, others) = rest.split_at(group.entities.len());
@@ -208,19 +235,45 @@ impl MovingPoints {
         let domain = Arc::new(Domain {
             over: self.over,
             dim: mesh.dim(),
-            groups: self.groups.iter().map(group).collect(),
+            groups: points.groups.iter().map(group).collect(),
             n_entities: self.n_entities,
             moving: Some(Arc::clone(self)),
         });
-        let known = Some(Known { here: here.to_vec(), there: there.to_vec(), domain: Arc::clone(&domain) });
+        let found = Found { domain, of_pieces };
+        let known = Some(Known { here: here.to_vec(), there: there.to_vec(), found: found.clone() });
         *self.known.lock().unwrap_or_else(PoisonError::into_inner) = known;
-        domain
+        found
+    }
+
+    /// The points of the pieces of all faces: a group of them for each group of faces.
+    fn cut(&self, mesh: &Mesh, pieces: &Pieces, [here, there]: [&[f64]; 2], current: &Current) -> Points {
+        let state = pieces.at(mesh, [here, there]);
+        let mut points = Points::default();
+        let mut first = 0;
+        for faces in &self.points.groups {
+            let centres = &self.points.list[first..][..faces.entities.len()];
+            let of_face =
+                |(k, centre): (usize, &Point)| state.points(&self.targets, &current.boxes, first + k, centre.back);
+            let cut: Vec<Vec<CutPoint>> = centres.par_iter().enumerate().map(of_face).collect();
+            first += centres.len();
+            let (group, places) = of_pieces(mesh, faces, &cut);
+            let made = listed(mesh, &group, &places, &self.here.space).expect("the centres of the faces have rays");
+            let own = |(point, (k, _)): (Point, &(usize, usize))| Point {
+                back: centres[*k].back,
+                has_image: !cut[*k].is_empty(),
+                ..point
+            };
+            points.list.extend(made.into_iter().zip(&places).map(own));
+            points.groups.push(group.of_points(places.into_iter()));
+        }
+        points
     }
 
     /// By point whether it is so far inside the other body that it has no image.
     #[must_use]
     pub fn are_inside(self: &Arc<Self>, mesh: &Mesh, current: &[&[f64]]) -> Vec<bool> {
-        let domain = self.at(mesh, current);
+        let Found { domain, of_pieces } = self.found_at(mesh, current);
+        let points = of_pieces.as_deref().unwrap_or(&self.points);
         let (here, there) = (of(current, &self.here), of(current, &self.there));
         let lost: Vec<bool> = domain.entities().map(|(group, k)| group.has_lost_its_image(k)).collect();
         if !lost.contains(&true) {
@@ -231,7 +284,7 @@ impl MovingPoints {
             let holds = |ray: &Ray| self.targets.hold(mesh.dim(), &targets, ray);
             *is_lost && point.ray(mesh.dim(), here).as_ref().is_some_and(holds)
         };
-        self.points.par_iter().zip(&lost).map(is_inside).collect()
+        points.list.par_iter().zip(&lost).map(is_inside).collect()
     }
 
     /// The image of a point, or what stands in for it.
@@ -244,7 +297,7 @@ impl MovingPoints {
         spare: Vector3<f64>,
     ) -> (Image, ImageMotion) {
         let ray = point.ray(mesh.dim(), here);
-        let hit = ray.as_ref().and_then(|ray| self.targets.image(mesh, current, ray));
+        let hit = ray.as_ref().filter(|_| point.has_image).and_then(|ray| self.targets.image(mesh, current, ray));
         let normal = ray.as_ref().map_or_else(Vector3::zeros, |ray| ray.n).into();
         match hit {
             Some(Hit { image, shift, slope, gap, rank: _ }) => {
@@ -320,6 +373,16 @@ pub(super) fn displacement(dim: usize, table: &Table, nodes: &[u32], u: &[f64]) 
     sum
 }
 
+/// Points of a group on faces, given by entity and number in the rule; `None` where the displacement does not live behind a
+/// face, or the map of its cell has no inverse there.
+fn listed(mesh: &Mesh, group: &Group, places: &[(usize, usize)], space: &Space) -> Option<Vec<Point>> {
+    let Some(first) = group.here.cells.first() else { return Some(Vec::new()) };
+    let element = space.element_at(space.position_of_cell(*first)?);
+    let tabulate = |x: &[f64; 3]| Arc::new(element.tabulate(&[*x], 1));
+    let tables: Vec<Arc<Table>> = group.here.points.par_iter().map(tabulate).collect();
+    places.par_iter().map(|(k, q)| point(mesh, group, [*k, *q], space, &tables[*q])).collect()
+}
+
 /// Point `q` of entity `k` of a group on faces.
 fn point(mesh: &Mesh, group: &Group, [k, q]: [usize; 2], space: &Space, table: &Arc<Table>) -> Option<Point> {
     let (dim, cell) = (mesh.dim(), group.here.cells[k]);
@@ -328,6 +391,7 @@ fn point(mesh: &Mesh, group: &Group, [k, q]: [usize; 2], space: &Space, table: &
     let padded = |i: usize, j: usize| if i < dim && j < dim { rows[i][j] } else { f64::from(u8::from(i == j)) };
     Some(Point {
         cell,
+        has_image: true,
         table: Arc::clone(table),
         nodes: space.entity_nodes(position).to_vec(),
         x: group.position(mesh, k, q).into(),

@@ -6,7 +6,7 @@
 //!
 //! [`LANES`]: wfl_compiler::ir::LANES
 
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
 use rayon::prelude::*;
 
@@ -151,6 +151,13 @@ impl Group {
     }
 }
 
+impl Group {
+    /// The rows of numbers that all entities share; none where entities are no points.
+    pub(crate) fn one_row(&self) -> Arc<[u32]> {
+        std::iter::repeat_n(0, if self.own.is_some() { self.entities.len() } else { 0 }).collect()
+    }
+}
+
 /// Outward normals of the reference facets of images; none where one has no facet.
 pub(super) fn facet_normals(mesh: &Mesh, images: &[Image]) -> Vec<[f64; 3]> {
     let normal = |image: &Image| image.facet.map(|facet| mesh.kind(facet.cell).facet_normal(usize::from(facet.local)));
@@ -171,12 +178,14 @@ fn joined(mesh: &Mesh, parts: &[&Group]) -> Option<Group> {
     let (mut entities, mut cells, mut facets) = (Vec::new(), Vec::new(), Vec::new());
     let (mut rows, mut weights, mut images) = (Vec::new(), Vec::new(), Vec::new());
     let (mut points, mut parameters): (Vec<[f64; 3]>, Vec<[f64; 3]>) = (Vec::new(), Vec::new());
+    // points of pieces differ from face to face, so there may be many
+    let mut known: BTreeMap<[[u64; 3]; 2], usize> = BTreeMap::new();
     for part in parts {
         let there = part.there.as_ref()?;
         for q in 0..part.n_points() {
             let at = (part.here.points[q], part.parameters[q]);
-            let known = points.iter().zip(&parameters).position(|(x, p)| (*x, *p) == at);
-            let row = known.unwrap_or_else(|| {
+            let bits = [at.0, at.1].map(|x| x.map(f64::to_bits));
+            let row = *known.entry(bits).or_insert_with(|| {
                 points.push(at.0);
                 parameters.push(at.1);
                 points.len() - 1

@@ -85,7 +85,7 @@ struct Crossing {
 pub(super) struct Target {
     pub(super) facet: FacetRef,
     /// By side of the reference facet: how far outside of it a hit may lie.
-    margins: [f64; 4],
+    pub(super) margins: [f64; 4],
 }
 
 /// How the images of points are looked for.
@@ -95,13 +95,15 @@ pub struct ImageSearch {
     pub by: ImageBy,
     /// The longest distance to an image.
     pub reach: f64,
+    /// Faces are cut by those that images lie on, and each piece has a rule of this degree.
+    pub pieces: Option<usize>,
 }
 
 /// The faces that images may lie on, with the space of the displacement behind them.
 #[derive(Clone, Debug)]
 pub(super) struct Targets {
     pub(super) list: Vec<Target>,
-    space: Space,
+    pub(super) space: Space,
     pub(super) faces: Faces,
     by: ImageBy,
     pub(super) reach: f64,
@@ -160,7 +162,7 @@ impl Targets {
             Target { facet: *facet, margins }
         };
         let list = facets.iter().map(target).collect();
-        let ImageSearch { by, reach } = search;
+        let ImageSearch { by, reach, pieces: _ } = search;
         let faces = Faces::new(mesh, facets, &space)?;
         let mut made = Self { list, space, faces, by, reach, tree: BoxTree::default() };
         let nodes = made.faces.nodes(mesh, &made.space, &[]);

@@ -62,11 +62,11 @@ impl MovingPoints {
             let [here, there] = [moved(0), moved(1)];
             let current = self.targets.current(mesh, &there);
             let hit = |point: &Point| self.targets.image(mesh, &current, &point.ray(mesh.dim(), &here)?);
-            self.points.iter().map(hit).collect::<Vec<Option<Hit>>>()
+            self.points.list.iter().map(hit).collect::<Vec<Option<Hit>>>()
         };
         let found = [0.0, 1.0, -1.0, 2.0, -2.0].map(at);
         let (mut points, mut ranks, mut error, mut largest) = (0, [0; 3], 0.0f64, 0.0f64);
-        for (k, point) in self.points.iter().enumerate() {
+        for (k, point) in self.points.list.iter().enumerate() {
             let hits = [0, 1, 2, 3, 4].map(|j| found[j][k]);
             let [Some(hit), Some(a), Some(b), Some(c), Some(d)] = hits else { continue };
             let lies_on = |hit: &Hit| (hit.image.facet, hit.rank);
@@ -86,7 +86,7 @@ impl MovingPoints {
             error = error.max((shift - difference).amax());
         }
         let error = if largest > 0.0 { error / largest } else { 0.0 };
-        ShiftCheck { points, ranks, all: self.points.len(), error }
+        ShiftCheck { points, ranks, all: self.points.list.len(), error }
     }
 
     /// The shift of an image by the formula, for displacements and their changes here and there.

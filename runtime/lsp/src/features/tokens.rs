@@ -45,8 +45,8 @@ pub(crate) fn modifiers() -> Vec<SemanticTokenModifier> {
 /// Words of statements that are no keywords elsewhere.
 const WORDS_OF_STATEMENTS: &[&str] = &[
     "box", "file", "size", "map", "hex", "tet", "quad", "tri", "segment", "scalar", "vector", "matrix", "project",
-    "raytrace", "point", "across", "towards", "times", "every", "when", "vertex", "mean", "max", "min", "integral",
-    "value", "reaction", "at", "newton", "linear", "vtk", "csv", "wfl",
+    "raytrace", "point", "across", "towards", "times", "every", "when", "vertex", "segments", "mean", "max", "min",
+    "integral", "value", "reaction", "at", "newton", "linear", "vtk", "csv", "wfl",
 ];
 
 /// A word with its kind.

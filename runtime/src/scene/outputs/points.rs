@@ -60,9 +60,10 @@ impl OutputMaker<'_> {
         };
         let set = target.support.region();
         let choice = self.rules.get(&target.sig.name).copied().unwrap_or(RuleChoice::Degree(1));
+        let choice = choice.through(Some(mapping));
         let base =
             domain(self.parts.mesh, self.parts.fields, Some(&set), choice, span, self.diagnostics).ok_or(Told)?;
-        let through = Through { mapping, there: fields_there(&law.inputs, []) };
+        let through = Through { mapping, there: fields_there(&law.inputs, []), pieces: choice.pieces() };
         // that some points have no image is told of the terms
         let mut told = Vec::new();
         let found = mappings.domain(&through, self.parts.mesh, self.parts.fields, &base, span, &mut told);

@@ -94,10 +94,13 @@ impl AssembledTerm {
         }
         let moving = self.moving.as_ref()?;
         let (binding, before) = (&moved.integrator.binding, moving.placed());
+        let points_change = moved.integrator.domain.moving.as_ref().is_some_and(|points| points.are_of_pieces());
         let known = |g: usize| {
             let (before, own) = (before.as_ref()?, &binding.groups[g]);
             let other = before.integrator.binding.groups.get(g)?;
-            (own.functions() == other.functions()).then(|| Arc::clone(&before.plans[g]))
+            // functions that never acted together may do so at other points
+            let is_whole = !points_change || !before.plans[g].has_apart;
+            (is_whole && own.functions() == other.functions()).then(|| Arc::clone(&before.plans[g]))
         };
         let new = |g: usize| Arc::new(TangentPlan::new(binding, g, &self.entries));
         let plans = (0..binding.groups.len()).map(|g| known(g).unwrap_or_else(|| new(g))).collect();
@@ -219,7 +222,7 @@ impl AssembledTerm {
             for entity in (0..group.entities.len()).filter(|k| !group.has_lost_its_image(*k)) {
                 let facet = group.there.as_ref().and_then(|side| side.facets.get(entity));
                 let Some(image) = facet.and_then(|facet| number.get(facet)) else { continue };
-                let own = self.own_dofs(g, entity);
+                let own = moved.own_dofs(g, entity);
                 for k in around[*image].iter().filter(|k| known.insert((group.entities[entity], **k))) {
                     let both = [own.as_slice(), &behind[*k]].concat();
                     f(&both, &both);
