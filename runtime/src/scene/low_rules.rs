@@ -50,11 +50,11 @@ pub(super) fn check(
 /// stand in a group for each image face, and those without an image in none: the rule has as many as the face with the most.
 fn of_faces(domain: &Domain, degree: usize) -> Vec<(usize, usize)> {
     let mut points = vec![(0, 0); domain.n_entities];
-    for group in domain.groups.iter().filter(|g| g.tangents.is_some() && !g.has_lost_its_image()) {
-        for entity in &group.entities {
-            points[*entity].0 += group.n_points();
-            points[*entity].1 = face_nodes(domain.dim, group, degree);
-        }
+    let on_faces = domain.entities().filter(|(group, _)| group.tangents.is_some());
+    for (group, k) in on_faces.filter(|(group, k)| !group.has_lost_its_image(*k)) {
+        let entity = group.entities[k];
+        points[entity].0 += group.n_points();
+        points[entity].1 = face_nodes(domain.dim, group, degree);
     }
     let mut kinds: Vec<(usize, usize)> = Vec::new();
     for (points, nodes) in points.into_iter().filter(|(points, _)| *points > 0) {

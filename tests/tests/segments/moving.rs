@@ -191,10 +191,10 @@ fn points_that_come_and_go_find_their_branches_and_forces_add_up() {
     let at = |u: &[f64]| term.integrator.at(&system.mesh, system.values(u).view().current).domain;
     let now = at(u);
     let first = at(&found.outcome.steps[2].state);
-    let points = |d: &wfl_runtime::assemble::Domain| d.groups.iter().filter(|g| !g.has_lost_its_image()).count();
+    let points = |d: &wfl_runtime::assemble::Domain| d.entities().filter(|(g, k)| !g.has_lost_its_image(*k)).count();
     assert!(points(&now) != points(&first), "the number of points changes: {} {}", points(&first), points(&now));
     // faces to the right of the lower block have one point without an image each
-    assert!(now.groups.iter().any(|g| g.has_lost_its_image()));
+    assert!(now.entities().any(|(g, k)| g.has_lost_its_image(k)));
     let mut forces = vec![0.0; system.numbering.n_dofs];
     term.add_residual(&system.mesh, values.view(), &mut forces).expect("finite forces");
     let size = forces.iter().fold(0.0f64, |m, f| m.max(f.abs()));
