@@ -133,7 +133,8 @@ impl MovingPoints {
             let group = centres.as_ref().unwrap_or(group);
             let places = (0..group.entities.len()).flat_map(|k| (0..group.n_points()).map(move |q| (k, q)));
             let places: Vec<(usize, usize)> = places.collect();
-            points.list.extend(listed(mesh, group, &places, &here.space)?);
+            let made: Option<Vec<Point>> = listed(mesh, group, &places, &here.space).into_iter().collect();
+            points.list.extend(made?);
             points.groups.push(group.of_points(places.into_iter()));
         }
         let targets = Targets::new(mesh, onto, there.space.clone(), search)?;
@@ -257,14 +258,15 @@ impl MovingPoints {
             let cut: Vec<Vec<CutPoint>> = centres.par_iter().enumerate().map(of_face).collect();
             first += centres.len();
             let (group, places) = of_pieces(mesh, faces, &cut);
-            let made = listed(mesh, &group, &places, &self.here.space).expect("the centres of the faces have rays");
-            let own = |(point, (k, _)): (Point, &(usize, usize))| Point {
-                back: centres[*k].back,
-                has_image: !cut[*k].is_empty(),
-                ..point
+            let made = listed(mesh, &group, &places, &self.here.space);
+            let own = |((k, q), point): ((usize, usize), Option<Point>)| {
+                let (back, has_image) = (centres[k].back, !cut[k].is_empty());
+                Some(((k, q), Point { back, has_image, ..point? }))
             };
-            points.list.extend(made.into_iter().zip(&places).map(own));
+            let (places, list): (Vec<(usize, usize)>, Vec<Point>) =
+                places.into_iter().zip(made).filter_map(own).unzip();
             points.groups.push(group.of_points(places.into_iter()));
+            points.list.extend(list);
         }
         points
     }
@@ -374,10 +376,10 @@ pub(super) fn displacement(dim: usize, table: &Table, nodes: &[u32], u: &[f64]) 
 }
 
 /// Points of a group on faces, given by entity and number in the rule; `None` where the displacement does not live behind a
-/// face, or the map of its cell has no inverse there.
-fn listed(mesh: &Mesh, group: &Group, places: &[(usize, usize)], space: &Space) -> Option<Vec<Point>> {
-    let Some(first) = group.here.cells.first() else { return Some(Vec::new()) };
-    let element = space.element_at(space.position_of_cell(*first)?);
+/// face, or the map of its cell has no inverse at the point.
+fn listed(mesh: &Mesh, group: &Group, places: &[(usize, usize)], space: &Space) -> Vec<Option<Point>> {
+    let position = group.here.cells.first().and_then(|cell| space.position_of_cell(*cell));
+    let Some(element) = position.map(|position| space.element_at(position)) else { return vec![None; places.len()] };
     let tabulate = |x: &[f64; 3]| Arc::new(element.tabulate(&[*x], 1));
     let tables: Vec<Arc<Table>> = group.here.points.par_iter().map(tabulate).collect();
     places.par_iter().map(|(k, q)| point(mesh, group, [*k, *q], space, &tables[*q])).collect()

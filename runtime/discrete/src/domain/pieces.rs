@@ -1,8 +1,9 @@
 //! Points on pieces of faces, and what they are called.
 //!
 //! Of faces that stay the pieces are made once, a group for each face. Of faces that follow the bodies they are made in each
-//! state, and so a point has a name that tells where it is: what was known of the points of one state is taken to those of
-//! another by the nearest one. Promises: points in the order of faces and pieces. Does not know images.
+//! state, as one group of points for all faces that are alike, and so a point has a name that tells where it is: what was known
+//! of the points of one state is taken to those of another by the nearest one. Promises: points in the order of faces and
+//! pieces. Does not know images.
 
 use std::{ops::Range, sync::Arc};
 
@@ -34,7 +35,7 @@ pub struct Cut<'a> {
 
 impl Domain {
     /// The faces of `base` cut where they lie opposite of edges of other faces: a group for each face with its own points.
-    /// CutFaces and parts of faces that lie opposite of none have no points.
+    /// Faces and parts of faces that lie opposite of none have no points.
     ///
     /// # Errors
     /// [`QuadratureError`] where there is no rule of the degree.
@@ -105,18 +106,18 @@ fn centre_of(mesh: &Mesh, group: &Group) -> CutPoint {
     CutPoint { parameter: mesh.facet_kind(group.here.facets[0]).reference_centre(), weight: 0.0 }
 }
 
-/// CutFaces with the points of the pieces of all of them, and which of the points belong to each: face and number of the point. A
-/// face without pieces has its centre.
+/// Faces with the points of the pieces of all of them, and which of the points belong to each: face and number of the point.
+/// A face without pieces has its centre.
 pub(super) fn of_pieces(mesh: &Mesh, faces: &Group, cut: &[Vec<CutPoint>]) -> (Group, Vec<(usize, usize)>) {
     let centre = [centre_of(mesh, faces)];
-    let of_face = |own: &'_ Vec<CutPoint>| if own.is_empty() { centre.to_vec() } else { own.clone() };
+    let of_face = |own: &Vec<CutPoint>| if own.is_empty() { centre.to_vec() } else { own.clone() };
     let all: Vec<Vec<CutPoint>> = cut.iter().map(of_face).collect();
     let faces_of = all.iter().enumerate().flat_map(|(k, own)| std::iter::repeat_n(k, own.len()));
     let places = faces_of.zip(0..).collect();
     (with_points(mesh, faces, 0..faces.entities.len(), &all.concat()), places)
 }
 
-/// CutFaces that move, cut by others that do.
+/// Faces that move, cut by others that do.
 #[derive(Clone, Debug)]
 pub(super) struct Pieces {
     here: CutFaces,
@@ -132,7 +133,7 @@ pub(super) struct PiecesAt<'a> {
 }
 
 impl Pieces {
-    /// CutFaces whose displacement has this space, cut by those that images lie on.
+    /// Faces whose displacement has this space, cut by those that images lie on.
     ///
     /// # Errors
     /// [`QuadratureError`] where there is no rule of the degree.

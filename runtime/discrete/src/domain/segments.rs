@@ -1,4 +1,4 @@
-//! CutFaces cut where they lie opposite of edges of other faces, and the points of the pieces.
+//! Faces cut where they lie opposite of edges of other faces, and the points of the pieces.
 //!
 //! What is integrated over a face of contact reads the other side, whose functions have kinks at its edges: a rule on the
 //! whole face does not see them, a rule on each piece between them is exact for polynomials. In the plane the vertices of the
@@ -42,7 +42,7 @@ pub(super) struct CutPoint {
     pub(super) weight: f64,
 }
 
-/// CutFaces, each as the parts that it is cut as.
+/// Faces, each as the parts that it is cut as.
 #[derive(Clone, Debug)]
 pub(super) struct CutFaces {
     facets: Vec<FacetRef>,
