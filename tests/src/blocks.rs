@@ -105,12 +105,12 @@ measure flux = reaction(q) on foot
     ),
 ];
 
-/// The text of a scene with this law, on the mesh `blocks.msh`: family and degree of the displacements, the family of a
+/// The text of a scene with this law, on the mesh `blocks.msh`: the element of the displacements, the family of a
 /// field of degree 1 on the fault, and what is prescribed on the east side.
 #[must_use]
-pub fn scene(law: &str, (family, degree): (char, usize), of_faces: char, pull: &str) -> String {
+pub fn scene(law: &str, element: &str, of_faces: char, pull: &str) -> String {
     let text = (BLOCKS.to_owned() + law).replace("PULL", pull);
-    text.replace("ELEMENT", &format!("{family}{degree}")).replace("FACES", &format!("{of_faces}1"))
+    text.replace("ELEMENT", element).replace("FACES", &format!("{of_faces}1"))
 }
 
 /// Names and values of the measures at the end.

@@ -46,7 +46,7 @@ fn compare(shape: BoxShape, degrees: &[usize]) {
             let run = |in_space: bool| {
                 let pull = ["[-0.05 + 0.02*y*t, 0.02*t]", "[-0.05 + 0.02*y*t, 0.02*t, 0]"][usize::from(in_space)];
                 // faces of a wedge that were lines are quadrilaterals
-                let mut text = scene(law, (family, *degree), if in_space { 'Q' } else { family }, pull);
+                let mut text = scene(law, &format!("{family}{degree}"), if in_space { 'Q' } else { family }, pull);
                 // the same rules in both: laws with a kink are no polynomials, and what is left of their integrals is seen
                 text += "quadrature on left, right, other degree 5\n";
                 if !law.contains("quadrature on fault") {

@@ -102,7 +102,7 @@ fn compare(shape: BoxShape, degrees: &[usize]) {
         let family = if matches!(shape, BoxShape::Hexahedron | BoxShape::Quadrilateral) { 'Q' } else { 'P' };
         let pull = if dim == 3 { "[-0.05 + 0.02*y*t, 0.02*t, 0.01*t*z]" } else { "[-0.05 + 0.02*y*t, 0.02*t]" };
         for (name, law) in LAWS {
-            let text = scene(law, (family, *degree), family, pull);
+            let text = scene(law, &format!("{family}{degree}"), family, pull);
             let run = |seed: Option<u64>| {
                 fs::write(folder.join("blocks.msh"), file(&mesh, seed)).expect("a file");
                 let solved = solve(&folder as &Path, text.clone(), &[], &[]);

@@ -37,7 +37,6 @@ use wfl_sparse::solve::{
     Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
 };
 
-
 enum Kind {
     /// Matrix of the linear terms only.
     Linear,

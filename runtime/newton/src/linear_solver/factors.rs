@@ -51,7 +51,13 @@ impl LinearSolver {
     pub(super) fn fresh(&self, matrix: &Csr) -> Result<Box<dyn Factor + Send>, SolveError> {
         let coordinates = Some(self.coordinates.as_slice());
         if let (Some(linked), Some(equations)) = (self.library, &self.equations) {
-            let solver = CheckedLibrary::new(linked, equations, Symmetry::known(self.symmetric), &self.coordinates, self.options)?;
+            let solver = CheckedLibrary::new(
+                linked,
+                equations,
+                Symmetry::known(self.symmetric),
+                &self.coordinates,
+                self.options,
+            )?;
             return Ok(Box::new(solver));
         }
         let (pattern, options) = (matrix.pattern(), self.options);

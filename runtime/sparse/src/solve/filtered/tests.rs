@@ -238,7 +238,9 @@ fn what_cannot_be_told_by_nodes_is_refused() {
     let mut equations = (*equations(&problem, &changing)).clone();
     equations.layout = None;
     equations.traits.obstacle = Some("some unknowns follow others".to_owned());
-    let Err(SolveError::Library { text }) = FilteredMultigrid.engine(&Arc::new(equations), Symmetry::General).map(|_| ()) else {
+    let Err(SolveError::Library { text }) =
+        FilteredMultigrid.engine(&Arc::new(equations), Symmetry::General).map(|_| ())
+    else {
         panic!("it must be refused")
     };
     assert_eq!(text, "no multigrid: some unknowns follow others");
