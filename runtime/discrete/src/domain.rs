@@ -336,9 +336,7 @@ impl Domain {
         };
         Ok(Self { over, dim: mesh.dim(), n_entities: region.len(), groups, moving: None })
     }
-}
 
-impl Domain {
     /// By point, in the order of groups, entities and points, whether this rank counts it.
     #[must_use]
     pub fn counted_points(&self, mesh: &Mesh) -> Vec<bool> {

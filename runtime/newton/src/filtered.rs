@@ -12,7 +12,7 @@ use super::condensation::condenses;
 use super::library::traits;
 use super::plan::LinearPlan;
 
-/// Unknowns of a mesh in three dimensions that the models below were measured with.
+/// Number of unknowns, in three dimensions: the models below were measured with about so many.
 const REFERENCE: f64 = 1e5;
 /// Fewer unknowns are factored where the factor fits into the memory: half a minute and 4 GB at most.
 const SMALL: usize = 150_000;

@@ -145,7 +145,7 @@ impl Targets {
 
     /// Whether a face opposes the normal of a point at its closest point, and lies no further behind the point than it may.
     fn opposes(&self, dim: usize, face: usize, nodes: &[FaceNode], foot: &Foot, ray: &Ray) -> bool {
-        let at = self.faces.at(nodes, face, foot.p, false);
+        let at = self.faces.at(nodes, face, foot.p, 1);
         at.outward(dim).is_some_and(|outward| outward.dot(&ray.n) < OPPOSED) && (ray.x - at.y).dot(&ray.n) <= ray.back
     }
 
@@ -156,7 +156,7 @@ impl Targets {
         let mut sampled = f64::INFINITY;
         let mut nearest = kind.reference_centre();
         for p in samples(kind) {
-            let y = self.faces.at(nodes, face, p, false).y;
+            let y = self.faces.at(nodes, face, p, 1).y;
             if (ray.x - y).norm() < sampled {
                 (sampled, nearest) = ((ray.x - y).norm(), p);
             }
@@ -219,7 +219,7 @@ impl Targets {
 
     /// A face at some of its parameters, seen from `x`.
     fn near(&self, face: usize, nodes: &[FaceNode], part: &Part, p: [f64; 3], x: Vector3<f64>) -> Near {
-        let at = self.faces.at(nodes, face, p, true);
+        let at = self.faces.at(nodes, face, p, 2);
         let tangents = part.combine(at.tangents);
         let bend = at.bend;
         #[cfg(test)]

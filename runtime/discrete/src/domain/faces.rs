@@ -110,9 +110,9 @@ impl Shape {
         Some(Self { kind, degree, element: of_triangle, geometry, displacement })
     }
 
-    /// The face at some parameters, from its nodes; with second derivatives if `bends`.
+    /// The face at some parameters, from its nodes, with derivatives up to this order, 1 or 2.
     #[inline(always)]
-    fn at(&self, nodes: &[FaceNode], p: [f64; 3], bends: bool) -> FacePoint {
+    fn at(&self, nodes: &[FaceNode], p: [f64; 3], order: usize) -> FacePoint {
         let zero = Vector3::zeros();
         let mut at = FacePoint { y: zero, tangents: [zero; 2], bend: [zero; 3], across: zero };
         let mut add = |node: &FaceNode, f: [f64; 6]| {
@@ -120,7 +120,7 @@ impl Shape {
             at.across += node.across * f[0];
             at.tangents[0] += node.position * f[1];
             at.tangents[1] += node.position * f[2];
-            if bends {
+            if order > 1 {
                 (0..3).for_each(|k| at.bend[k] += node.position * f[3 + k]);
             }
         };
@@ -134,7 +134,7 @@ impl Shape {
                 nodes.iter().zip(f).for_each(|(node, f)| add(node, [f[0], f[1], f[2], 0.0, 0.0, 0.0]));
             }
             (_, Some(element)) => {
-                let t = element.tabulate(&[p], if bends { 2 } else { 1 });
+                let t = element.tabulate(&[p], order);
                 for (k, node) in nodes.iter().enumerate() {
                     let h = |e: usize| t.hessians.get(4 * k + e).copied().unwrap_or(0.0);
                     add(node, [t.values[k], t.gradients[2 * k], t.gradients[2 * k + 1], h(0), h(1), h(3)]);
@@ -269,15 +269,16 @@ impl Faces {
         &nodes[first..][..self.shapes[shape].geometry.len()]
     }
 
-    /// A face at some of its parameters, under the displacement of these nodes; with second derivatives if `bends`.
+    /// A face at some of its parameters, under the displacement of these nodes, with derivatives up to this order, 1
+    /// or 2.
     #[inline(always)]
-    pub(super) fn at(&self, nodes: &[FaceNode], face: usize, p: [f64; 3], bends: bool) -> FacePoint {
-        self.shapes[self.list[face].0].at(self.own(nodes, face), p, bends)
+    pub(super) fn at(&self, nodes: &[FaceNode], face: usize, p: [f64; 3], order: usize) -> FacePoint {
+        self.shapes[self.list[face].0].at(self.own(nodes, face), p, order)
     }
 
     /// A face in the reference placement, with second derivatives.
     pub(super) fn at_rest(&self, face: usize, p: [f64; 3]) -> FacePoint {
-        self.at(&self.reference, face, p, true)
+        self.at(&self.reference, face, p, 2)
     }
 
     /// The kind of a face.

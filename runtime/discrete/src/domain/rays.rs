@@ -227,7 +227,7 @@ impl Targets {
             }
         }
         let (gap, k, p) = best?;
-        let (at, rest) = (self.faces.at(&current.nodes, k, p, false), self.faces.at_rest(k, p));
+        let (at, rest) = (self.faces.at(&current.nodes, k, p, 1), self.faces.at_rest(k, p));
         let shift = pseudo_inverse(&at.tangents, dim)?;
         let c = across(&rest.tangents, &shift, &rest.tangents);
         Some(Hit { gap, ..self.hit_at(mesh, k, &rest, p, &c)? })
@@ -303,7 +303,7 @@ impl Targets {
         let mut p = kind.reference_centre();
         let (mut g, mut last) = (0.0, f64::INFINITY);
         for _ in 0..ITERATIONS {
-            let at = self.faces.at(nodes, face, p, false);
+            let at = self.faces.at(nodes, face, p, 1);
             let step = to_ray(dim, &at.tangents, &ray.n, ray.x + ray.n * g - at.y)?;
             (0..dim - 1).for_each(|k| p[k] += step[k]);
             g += step[2];
@@ -320,7 +320,7 @@ impl Targets {
         if !(last < FOUND && is_inside && g.is_finite()) {
             return None;
         }
-        let outward = self.faces.at(nodes, face, p, false).outward(dim)?;
+        let outward = self.faces.at(nodes, face, p, 1).outward(dim)?;
         Some(Crossing { p, g, is_front: outward.dot(&ray.n) < 0.0 })
     }
 
