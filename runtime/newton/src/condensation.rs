@@ -2,7 +2,7 @@
 
 use wfl_discrete::{pruning::Pruning, system::System};
 
-/// Nonlinear terms may touch at most this part of the dofs for condensation to pay.
+/// Nonlinear terms touch at most this part of the dofs where condensation pays: the dense part grows with its cube.
 const CONDENSE_BELOW: f64 = 0.6;
 
 /// True if the nonlinear terms touch few dofs beside a symmetric linear part.

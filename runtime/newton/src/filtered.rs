@@ -16,9 +16,10 @@ use super::plan::LinearPlan;
 const REFERENCE: f64 = 1e5;
 /// Fewer unknowns are factored where the factor fits into the memory: half a minute and 4 GB at most.
 const SMALL: usize = 150_000;
-/// A factor of fewer is never too large.
+/// Number of unknowns below which a factor is never too large: at most half a gigabyte.
 const LEAST: usize = 30_000;
-/// Unknowns of contact above which a factor on them in every iteration of Newton takes longer than the cycles.
+/// Number of unknowns of contact above which the iteration is not used: a factor on them in every iteration of Newton takes
+/// longer than the cycles.
 const MOST_ON_CONTACT: usize = 100_000;
 
 /// Why a scene cannot be solved in this way; `None` if it can.
