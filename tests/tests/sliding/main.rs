@@ -234,6 +234,44 @@ term contact on sole : pos_part(-gap)*(Interpolate(Normal, m).(Interpolate(Test_
     }
 }
 
+/// A face that is bent so far that a ray meets it twice, beside its top, has the image where the ray comes from the front: a
+/// wall looks at a hill of height 1/2, and sees what is below its top. From the middle of the hill no ray is found at all.
+#[test]
+fn a_hill_is_seen_from_its_side() {
+    for (space, zero) in [(false, ""), (true, ", 0")] {
+        let mesh = if space {
+            "mesh box [-1,-1,0] to [1,1,1] cells [2,2,1] hex with idle_cells=allowed"
+        } else {
+            "mesh box [-1,-1] to [1,1] cells [2,2] quad with idle_cells=allowed"
+        };
+        let text = format!(
+            "wfl 1
+{mesh}
+region left  = cells where x < 0 and y > 0
+region right = cells where x > 0 and y < 0
+region wall  = faces of left where x == 0
+region hill  = faces of right where y == 0
+region far   = faces of left where x == -1
+unknown a : vector Q2 on left
+unknown b : vector Q2 on right
+term left  on left  : Grad_a:Grad_Test_a
+term right on right : Grad_b:Grad_Test_b
+fix a = [-0.2, 0{zero}] on far
+fix b = [0, 2*x*(1 - x){zero}] on right
+mapping m = raytrace from wall onto hill moving with a, b within 1
+def gap = (Interpolate(X, m) + Interpolate(b, m) - X - a)(1)
+term touch on wall : 0*gap*Test_a(1)
+measure seen  = integral(Interpolate_filter(m, 1, 1)) on wall
+measure worst = max(abs(gap - 0.2 - (1 - sqrt(1 - 2*(y + a(2))))/2)) on wall
+quadrature on wall degree 7
+"
+        );
+        let found = solved(text, &[]);
+        assert!((found.measure(0, "seen") - 0.5).abs() < 1e-12, "in space {space}: {}", found.measure(0, "seen"));
+        assert!(found.measure(0, "worst") < 1e-12, "in space {space}: {}", found.measure(0, "worst"));
+    }
+}
+
 /// A body that is pushed over the edge of the other loses images under pressure, and that is told.
 #[test]
 fn images_lost_under_pressure_are_told() {

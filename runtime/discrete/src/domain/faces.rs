@@ -45,6 +45,7 @@ struct Shape {
     degree: usize,
     /// Of triangles of degree 2 and more, whose lattice is that of an element.
     element: Option<Element>,
+    lattice: Vec<[f64; 3]>,
     /// By point of the lattice: position and derivative across, from the geometry and from the displacement.
     geometry: Vec<[Sum; 2]>,
     displacement: Vec<[Sum; 2]>,
@@ -107,7 +108,7 @@ impl Shape {
             lattice.iter().map(of).collect()
         };
         let (geometry, displacement) = (sums(geometry), sums(element));
-        Some(Self { kind, degree, element: of_triangle, geometry, displacement })
+        Some(Self { kind, degree, element: of_triangle, lattice, geometry, displacement })
     }
 
     /// The face at some parameters, from its nodes, with derivatives up to this order, 1 or 2.
@@ -285,6 +286,11 @@ impl Faces {
     #[inline(always)]
     pub(super) fn kind(&self, face: usize) -> CellKind {
         self.shapes[self.list[face].0].kind
+    }
+
+    /// The parameters of the nodes of a face.
+    pub(super) fn lattice(&self, face: usize) -> &[[f64; 3]] {
+        &self.shapes[self.list[face].0].lattice
     }
 
     /// True where a face lies between its nodes: it is of degree 1.

@@ -297,10 +297,35 @@ impl Targets {
         nearest.is_some_and(|(_, is_front)| is_front)
     }
 
-    /// Where a ray meets a face; `None` beside it.
+    /// Where a ray meets a face, from the front if it does anywhere; `None` beside it. A face that shows the ray both of its
+    /// sides may be met twice: then what is found from the centre is not all.
     fn crossing(&self, dim: usize, face: usize, nodes: &[FaceNode], ray: &Ray) -> Option<Crossing> {
-        let kind = self.faces.kind(face);
-        let mut p = kind.reference_centre();
+        let first = self.crossing_from(dim, face, nodes, ray, self.faces.kind(face).reference_centre());
+        let is_front = first.as_ref().is_some_and(|found| found.is_front);
+        if is_front || self.faces.is_between_nodes(face) {
+            return first;
+        }
+        let lattice = self.faces.lattice(face);
+        let looks = |p: &[f64; 3]| self.faces.at(nodes, face, *p, 1).outward(dim).map_or(0.0, |n| n.dot(&ray.n));
+        let (towards, away) = lattice.iter().map(looks).fold((false, false), |(t, a), x| (t || x < 0.0, a || x > 0.0));
+        if !(towards && away) {
+            return first;
+        }
+        let others = lattice.iter().filter_map(|p| self.crossing_from(dim, face, nodes, ray, *p));
+        let nearest = others.filter(|found| found.is_front).min_by(|a, b| a.g.abs().total_cmp(&b.g.abs()));
+        nearest.or(first)
+    }
+
+    /// Where Newton's method ends that starts at parameters of a face.
+    fn crossing_from(
+        &self,
+        dim: usize,
+        face: usize,
+        nodes: &[FaceNode],
+        ray: &Ray,
+        start: [f64; 3],
+    ) -> Option<Crossing> {
+        let (kind, mut p) = (self.faces.kind(face), start);
         let (mut g, mut last) = (0.0, f64::INFINITY);
         for _ in 0..ITERATIONS {
             let at = self.faces.at(nodes, face, p, 1);
