@@ -79,7 +79,12 @@ impl<'d> Resolver<'d> {
                 self.field(name, space, kind, span)?;
             }
             ItemKind::State { name, space, update } => {
+                let was_named = self.words.contains(&name.name);
                 let kind = self.expr(update).map(|update| FieldKind::State { update });
+                // what a state makes of itself serves nobody else
+                if !was_named {
+                    self.words.remove(&name.name);
+                }
                 self.field(name, space, kind, span)?;
             }
             ItemKind::Split(fields, places) => {
