@@ -15,7 +15,8 @@ use wfl_mesh::{element::Family, mesh::CellId};
 
 use crate::definite::sampled_cells;
 
-/// Differences below this part of the range of the pressure are none.
+/// Differences below this part of the range of the pressure are none: what is told is an amplitude that one sees in a
+/// plot.
 const SEEN: f64 = 0.03;
 /// Of neighbours that are as large, within this part of the range, none is larger: what tolerances leave of equal
 /// values is far below.

@@ -8,11 +8,13 @@
 use wfl_contact::{Contact, ContactTerm, PointState, contact_points};
 use wfl_discrete::system::System;
 
-/// Written and true distances that add up to less than this part of the true ones are opposite.
+/// Written and true distances that add up to less than this part of the true ones are opposite: with the right sign they add
+/// up to twice as much, and faces that are approximated by planes are within some hundredths.
 const OPPOSITE: f64 = 0.05;
 /// The same part of what they vary by about their means: an interference or an offset may be added to both.
 const VARIES: f64 = 0.1;
-/// Distances below this part of the extent of the mesh are rounding.
+/// Distances below this part of the extent of the mesh are rounding: files of meshes have ten digits or more, and no gap that
+/// is meant is so narrow.
 const ROUNDING: f64 = 1e-9;
 /// Points that are nearer than this part of the mean distance touch: beside the mean distance such a gap is none.
 const TOUCHES: f64 = 1e-3;

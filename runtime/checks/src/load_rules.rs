@@ -20,7 +20,8 @@ use crate::{
     worst::Finding,
 };
 
-/// What the degree of a rule is raised by.
+/// What the degree of a rule is raised by: two more points in each direction, whose error for smooth loads is a hundred times
+/// smaller, so that the difference is the error of the rule that is used.
 const MORE: usize = 4;
 /// The part of the nodal forces that a finer rule may move without a word. A jump of the load inside one of ten facets
 /// moves half a facet at most, a twentieth; elastic displacements are wrong by the same part as the forces.

@@ -19,7 +19,8 @@ use wfl_discrete::field::FieldSpace;
 use wfl_discrete::finite::{largest, position as position_of, short};
 use wfl_discrete::system::{Form, System};
 
-/// Out of balance by more than this part of the forces is more than rounding and the tolerance of Newton.
+/// Out of balance by more than this part of the forces is more than rounding and the tolerance of Newton: that is 1e-8 where
+/// nothing is said, and a sum over all nodes adds up what each leaves.
 const BALANCE: f64 = 1e-6;
 /// Forces out of balance by more than this part of them are reported for every tolerance: they have fewer than three correct digits,
 /// the limit of W605.
@@ -40,13 +41,15 @@ const OUTSIDE: f64 = 0.5;
 const UNMOVED: f64 = 1e-12;
 /// Forces below this part of what cancels in them are rounding: some units of it, as Newton's method takes them.
 const ROUNDED: f64 = 4.0 * f64::EPSILON;
-/// Contact forces below this part of the forces of the bodies are rounding.
+/// Contact forces below this part of the forces of the bodies are rounding: below the tolerance of Newton's method in the
+/// equations of the bodies, which they are a part of.
 const UNPRESSED: f64 = 1e-9;
 
 /// What the law of a multiplier may leave at single points, in parts of the multiplier. At the nodes of a plane
 /// interface nothing is left; where it is this much, slip was seen to vary by about a hundredth with the parameter.
 const AVERAGE: f64 = 1e-4;
-/// The same in units of what Newton leaves of the equations.
+/// The same in units of what Newton leaves of the equations: what is left of a weak law is a mean over a node, and single
+/// points beside it may miss by several times as much.
 const UNSOLVED: f64 = 10.0;
 
 /// How the detail of a condition begins that was not judged.

@@ -24,7 +24,8 @@ use wfl_sparse::solve::triangular;
 /// are rounded, too.
 const LOOSE: f64 = 1e-12;
 
-/// A body takes part in a loose motion if more than this part of its square is that of the body.
+/// A body takes part in a loose motion if more than this part of its square is that of the body: null vectors are exact to
+/// 1e-12 in their size, squares of rounding are smaller still.
 const TAKES_PART: f64 = 1e-9;
 
 /// Multiplications that the motions of all bodies may take, each its own: about ten seconds of one core.

@@ -23,7 +23,8 @@ use wfl_sparse::solve::{LargestEntries, NullSpace, NullVector, SolveError, large
 /// Rows of a scaled matrix apart by this factor leave nothing of the smaller ones to double precision: sixteen digits
 /// less three that a solution needs.
 const FAR_APART: f64 = 1e13;
-/// A vector lies in a field if all but this part of its square does.
+/// A vector lies in a field if all but this part of its square does: a thousandth of its size in others is what a null vector
+/// has that was found to three digits.
 const OUTSIDE: f64 = 1e-6;
 
 /// What leaves one field undetermined.

@@ -35,7 +35,8 @@ const FACETS: usize = 8;
 /// Parameters in parts of the trace constant with which contact is resolved to rounding: below, the pressure drowns in
 /// the stress of the elements; above, the overlap in the displacements.
 const USUAL: std::ops::RangeInclusive<f64> = 1e-5..=1e6;
-/// Modes of a cell below this part of the largest stiffness are rigid motions.
+/// Modes of a cell below this part of the largest stiffness are rigid motions: the rounding of an eigenvalue solver is 1e-15
+/// of the largest, and cells a thousand times as long as wide have modes of 1e-6.
 const RIGID: f64 = 1e-11;
 /// Numbers that differ by less, relative, differ by rounding: of eigenvalues, known to some hundred roundoffs.
 const SAME: f64 = 1e-9;

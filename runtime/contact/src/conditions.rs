@@ -105,7 +105,8 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// A motion below this part of the largest displacement has no direction, and an overlap that the law resists is none:
 /// above the roundoff of displacements of which a difference is made, and below any that is seen.
 const STILL: f64 = 1e-9;
-/// Overlap, or sliding of points that stick, beyond this part of the largest displacement may be that of an elastic joint.
+/// Overlap, or sliding of points that stick, beyond this part of the largest displacement may be that of an elastic joint:
+/// what is below is told in any case, and what is looked at twice costs another evaluation of the law.
 const STRAINED: f64 = 0.1;
 
 /// An integral, and the part of it that is looked for.

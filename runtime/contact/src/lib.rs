@@ -71,7 +71,8 @@ use wfl_discrete::rates::StepAt;
 use wfl_discrete::system::{ActiveSet, System, TermBranches};
 use wfl_host::team::{Alone, Team};
 
-/// The first choices from a start without a past are made for whole entities.
+/// The first choices from a start without a past are made for whole entities: the first finds where bodies touch, the second
+/// and third how far slip has got; from then on points at the rims have to choose for themselves.
 const CHOICES_BY_ENTITY: usize = 3;
 
 /// The contact laws of a scene and the state they are in.

@@ -19,7 +19,8 @@ use wfl_discrete::system::{System, TermBranches};
 use wfl_discrete::value::{Sampled, Value};
 use wfl_mesh::mesh::Mesh;
 
-/// Below this `c`, a factor on what the argument of a projection has beyond its value, contact is stiff against the bodies.
+/// Below this `c`, a factor on what the argument of a projection has beyond its value, contact is stiff against the bodies: a
+/// tenth of the overlap that bodies would leave is all that contact leaves then.
 pub(super) const STIFF: f64 = 0.1;
 
 /// The projections of one term.

@@ -23,7 +23,8 @@ const FIRST: f64 = 0.15;
 const CALM: f64 = 0.1;
 const CALM_LEAVES: f64 = 0.13;
 const OTHERS_LEAVE: f64 = 0.3;
-/// It grows by a factor where more than this part of the points changed and the residual is so many times the smallest.
+/// It grows by a factor where more than this part of the points changed and the residual is so many times the smallest: both
+/// together are an iteration that was thrown back, and the factor takes back two that left a third each.
 const WILD: f64 = 0.15;
 const RISE: f64 = 10.0;
 const GROWTH: f64 = 10.0;

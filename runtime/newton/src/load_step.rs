@@ -18,7 +18,8 @@ use wfl_sparse::solve::{SolveError, SolveReport};
 const FLOOR_FACTOR: f64 = 4.0;
 
 /// Forces of bodies that are strained by no more than this, in units of roundoff, are taken for rounding until what they are
-/// made of is known.
+/// made of is known: sums over a hundred entries in three directions err by some hundred units, and a strain of 2e-13 is far
+/// below any that is meant.
 const UNSTRAINED: f64 = 1e3;
 
 /// A line search sees an equation relative to at least this part of the largest of its field: the square root of roundoff,

@@ -77,7 +77,8 @@ struct Stage {
     without: &'static [Trait],
 }
 
-/// Breakpoints that a path may pass.
+/// Breakpoints that a path may pass: each costs an iteration, so that a path takes no longer than six stages of active
+/// sets.
 const PATH_BUDGET: usize = 150;
 /// Breakpoints that all paths of an attempt may pass beside its iterations: as many paths as a schedule has.
 pub(super) const BUDGET_OF_PATHS: usize = 3 * PATH_BUDGET;
@@ -134,7 +135,8 @@ const SCHEDULE: &[Stage] = {
     ]
 };
 
-/// Of so many iterations in a row each steps less than this part of a correction where steps come to nothing.
+/// Of so many iterations in a row each steps less than this part of a correction where steps come to nothing: less than four
+/// halvings each, five times, leaves more than four fifths of the way to go.
 const STUCK: usize = 5;
 const NOTHING: f64 = 0.04;
 /// A state is met again if its branches are the same and its residual is, but for this part of it: what rounding and solutions
@@ -142,7 +144,8 @@ const NOTHING: f64 = 0.04;
 const AGAIN: f64 = 1e-6;
 /// A stage may go on while the residual has halved in so many iterations: slower than that another method is worth its start.
 const PROGRESS: usize = 10;
-/// The part of the points whose change is small enough that an active set has settled.
+/// The part of the points whose change is small enough that an active set has settled: the branches that are left change at
+/// the rims of zones, which the next stage begins with as well.
 const FEW: f64 = 0.1;
 /// A step below this part of a correction is short: two halvings are usual on the way, three are not.
 const SHORT: f64 = 0.2;

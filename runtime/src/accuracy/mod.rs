@@ -45,7 +45,7 @@ pub struct Demand {
 
 /// The quantity where nothing is said: the unknowns themselves, in the mean over the bodies.
 pub const DEFAULT_QUANTITY: &str = "L2";
-/// The budget where nothing is said, in seconds.
+/// The budget where nothing is said, in seconds: ten minutes, as long as one waits at a desk.
 pub const DEFAULT_BUDGET: f64 = 600.0;
 /// The smallest relative error that can be demanded: below it rounding dominates the differences.
 pub const SMALLEST: f64 = 1e-8;

@@ -22,13 +22,16 @@ use crate::{knobs::Setting, output::Real, refine::Mark};
 
 /// Estimates are taken larger by this factor: so that a run that just meets its estimate is not beyond the demand.
 const SAFETY: f64 = 1.1;
-/// An estimate may fall faster by this factor than its order says before it has to be checked.
+/// An estimate may fall faster by this factor than its order says before it has to be checked: twice as fast
+/// is an order more, as superconvergent measures have.
 const FALL: f64 = 2.0;
 /// Relative distances of solutions that differ by rounding alone: such solutions are exact.
 const ROUNDING: f64 = 1e-11;
-/// So many levels are checked with each new one.
+/// So many levels are checked with each new one: one may agree by accident, and a third lies so far back that its error says
+/// nothing of the last.
 const LAGS: usize = 2;
-/// A check that says that estimates are too small by more than this factor says that they mean nothing yet.
+/// A check that says that estimates are too small by more than this factor says that they mean nothing yet: two levels of
+/// first order lie so far apart.
 const MOST_SAFETY: f64 = 4.0;
 /// What the next mesh is planned for, in parts of what is allowed: planning for all of it would miss every second time,
 /// by little.
@@ -36,7 +39,8 @@ const AIM: f64 = 0.8;
 /// Least and largest part of the error that is marked at once: less would take many meshes, and more is uniform
 /// refinement.
 const PARTS: [f64; 2] = [0.2, 0.8];
-/// The tolerance that is tried first, in parts of the demand, and the range it may have.
+/// The tolerance that is tried first, in parts of the demand, and the range it may have: what Newton leaves is at most as
+/// large as its tolerance, which leaves nine tenths for the rest; beyond the range are rounding, and iterates that are none.
 const FIRST_TOLERANCE: f64 = 1e-1;
 pub(super) const TOLERANCES: std::ops::RangeInclusive<f64> = 1e-10..=1e-3;
 /// The error of a richer run may be this part of the demand for that run to judge the next mesh: squares add up in a norm,
@@ -45,11 +49,14 @@ const PART_OF_JUDGE: f64 = 0.3;
 /// A measure may meet its value by accident, where errors of other signs cancel: its error is at least this part of what
 /// the parts of all cells add up to without their signs. In smooth problems between a tenth and all of it is left.
 const PART_OF_PARTS: f64 = 0.25;
-/// What is not resolved of loads and coefficients may have this part of the demand before cells are refined for it.
+/// What is not resolved of loads and coefficients may have this part of the demand before cells are refined for it: with less
+/// it hardly changes the sum, and cells of the largest errors come first.
 const PART_OF_DATA: f64 = 0.1;
-/// Meshes without an estimate (a solution that is zero, an iteration that does not converge) before the search gives up.
+/// Meshes without an estimate (a solution that is zero, an iteration that does not converge) before the search gives up: in
+/// four halvings a body of one cell has come to sixteen across, where loads and contact are seen.
 const BLIND: usize = 4;
-/// Meshes in a row whose estimates may be no smaller than the best one.
+/// Meshes in a row whose estimates may be no smaller than the best one: a dozen rounds divide the cells at
+/// a corner to 1/4096 of their size.
 const STALLED: usize = 12;
 
 /// One mesh with its run.

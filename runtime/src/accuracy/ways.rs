@@ -21,7 +21,7 @@ use crate::{
 /// may be that of a real one-sided spring: to raise it would solve another problem. A consistent method needs no name,
 /// because its solution does not depend on the parameter.
 const PENALTY: &str = "gamma";
-/// Least number of contact faces.
+/// Least number of contact faces: two that touch and two that do not, or no edge of a zone can be seen.
 const LEAST_FACES: f64 = 4.0;
 
 /// What the parameter of a method is to its error.

@@ -60,7 +60,8 @@ const WIDER: f64 = 20.0;
 /// Parts of a friction bound of which one is below the bound in the direction that is tried, of laws that are weaker
 /// there: they are no wrong laws.
 const WEAKER: [f64; 3] = [0.5 / 8.0, 0.5 / 64.0, 0.5 / 512.0];
-/// Slip in units of what the friction bound stretches the law by.
+/// Slip in units of what the friction bound stretches the law by: from one on a point slips, and three is clear of that by
+/// more than what turns with the gap.
 const SLIP: f64 = 3.0;
 
 /// What is wrong with the terms of an interface.

@@ -24,7 +24,8 @@ use wfl_mesh::mesh::{CellId, Mesh};
 const STRAIN: f64 = 1e-6;
 /// Corrections of a gradient or of multipliers; laws that are linear need two.
 const CORRECTIONS: usize = 20;
-/// What the traction of a gradient that was looked for may miss, relative.
+/// What the traction of a gradient that was looked for may miss, relative: Newton's method ends at rounding, with
+/// room for laws whose summands are some thousand times their sum.
 const MISSED: f64 = 1e-11;
 /// Known fields may vary by so much inside a cell, relative, to count as constant: what files and formulas with
 /// rounding leave of a constant.

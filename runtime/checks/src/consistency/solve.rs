@@ -18,7 +18,8 @@ const OPENS: f64 = 1e-3;
 /// How far apart bodies are without contact, in units of the overlap of a pressure: so far that no law of contact acts,
 /// and near enough for digits of both.
 const FAR: f64 = 1e3;
-/// What the forces there may differ by at twice the distance to be those of an initial stress, in parts of the pressure.
+/// What the forces there may differ by at twice the distance to be those of an initial stress, in parts of the pressure:
+/// rounding at 1000 times the distance leaves 1e-13 of it, and forces that depend on the distance double.
 const CONSTANT: f64 = 1e-9;
 /// Equations left by no more than this, relative to the sizes of the state, are satisfied: what differences leave.
 pub(super) const SATISFIED: f64 = 1e-6;
@@ -30,8 +31,11 @@ pub(super) struct Sizes {
     pub(super) pressure: f64,
     /// How far the first body is moved along its normal to touch (length).
     pub(super) touching: f64,
-    /// The slope of the argument of contact as it moves on; positive where that closes (stress over length).
+    /// The slope of the argument of contact as it moves on; positive where that closes (stress over length, or none where
+    /// what is projected is a gap).
     pub(super) slope: f64,
+    /// The displacement for which the law gives the pressure.
+    length: f64,
     /// A motion of both bodies together.
     shift: f64,
     /// The largest of what is tested with stresses, and of the laws of multipliers, where the bodies press on each
@@ -51,7 +55,7 @@ pub(super) struct Sizes {
 impl Sizes {
     /// The displacement for which the law gives the pressure.
     pub(super) fn length(&self) -> f64 {
-        self.pressure / self.slope.abs()
+        self.length
     }
 }
 
@@ -114,7 +118,12 @@ impl Place<'_> {
             return None;
         }
         let pressure = STRAIN * self.stiffness()?;
-        let apart = |gap: f64| Some(self.fluxes(&at(-(rest + gap * pressure) / slope, &still))?.force);
+        // the force says what is needed for a pressure, whatever the argument is measured in
+        let pushes =
+            |by: f64| Some(dot(&self.fluxes(&at(slope.signum() * by - rest / slope, &still))?.force[0], &self.normal));
+        let stiffness = ((pushes(step)? - pushes(0.0)?) / step).abs();
+        let length = pressure / if stiffness > 0.0 && stiffness.is_finite() { stiffness } else { slope.abs() };
+        let apart = |gap: f64| Some(self.fluxes(&at(-slope.signum() * gap * length - rest / slope, &still))?.force);
         let (near, far) = (apart(FAR)?, apart(2.0 * FAR)?);
         let stays = near.iter().zip(&far).all(|(a, b)| {
             let change = sum(a, &scaled(b, -1.0));
@@ -127,9 +136,9 @@ impl Place<'_> {
         }
         // bodies without contact: their stress may depend on nothing but what they started with
         let touching = -argument(0.0, &free)? / slope;
-        let shift = (STRAIN * self.size).min(pressure / slope.abs());
+        let (shift, carried) = ((STRAIN * self.size).min(length), [0.0; 3]);
         let mut sizes =
-            Sizes { pressure, touching, slope, shift, stress: 0.0, law: 0.0, background, free, carried: [0.0; 3] };
+            Sizes { pressure, touching, slope, length, shift, stress: 0.0, law: 0.0, background, free, carried };
         sizes.carried = self.carried(&sizes)?;
         self.measure(&mut sizes)?;
         Some(sizes)
@@ -152,9 +161,6 @@ impl Place<'_> {
             found
         };
         let Some(rest) = argument(&none) else { return Some(none) };
-        if rest.amax().is_nan() || rest.amax() <= SATISFIED * sizes.pressure {
-            return Some(none);
-        }
         let step = sizes.length();
         let mut slope = DMatrix::zeros(rest.len(), 3);
         for k in 0..self.dim {
@@ -163,6 +169,9 @@ impl Place<'_> {
             // along the face alone
             let by = sum(&by, &scaled(&self.normal, -dot(&by, &self.normal)));
             slope.set_column(k, &((argument(&by)? - &rest) / step));
+        }
+        if rest.amax().is_nan() || rest.amax() <= SATISFIED * step * slope.amax() {
+            return Some(none);
         }
         let Ok(inverse) = slope.clone().pseudo_inverse(1e-9 * slope.amax()) else { return Some(none) };
         let moved = -(inverse * &rest);

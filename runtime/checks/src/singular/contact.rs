@@ -20,7 +20,8 @@ const NONE: f64 = 1e-9;
 /// turn, and ten digits above roundoff.
 const MOVED: f64 = 1e-6;
 
-/// A force that drives a motion by more than this part of the largest one that meets a motion is no rounding.
+/// A force that drives a motion by more than this part of the largest one that meets a motion is no rounding: such motions
+/// are found to eight digits, and their squares count.
 const DRIVES: f64 = 1e-6;
 
 /// Work of differences of forces that is below this part of what cancels in them: some thousand roundoffs.

@@ -13,7 +13,8 @@ use wfl_mesh::mesh::{CellKind, RegionSet};
 use wfl_mesh::quadrature::{Rule, rule, vertex};
 use wfl_newton::Singular;
 
-/// Energy above this part of what the same numbers without cancelling give is some.
+/// Energy above this part of what the same numbers without cancelling give is some: a null vector is found to eight digits,
+/// which leaves less, and a soft mode of a true body more.
 const SOME: f64 = 1e-6;
 /// Energy at the points of a rule above this part of that is some, too: of a motion that strains nothing it is of the order
 /// of a roundoff squared, 5e-32, since strains are rounded and energies are their squares.

@@ -15,6 +15,7 @@ mod language;
 mod mechanics;
 mod singular;
 mod stability;
+mod units;
 
 use std::path::Path;
 

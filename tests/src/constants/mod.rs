@@ -4,11 +4,19 @@
 //! A comment says first what the number is; what stands behind the first colon, semicolon or full stop says why. The unit
 //! stands in it in words (`part of the residual norm`); whole numbers count something. A constant without a comment of its
 //! own, right behind another one, shares that one's.
+//!
+//! In which range suites pass is measured ([`Copy`]) and kept in `ranges.csv`; what was found with another value does not
+//! count.
+
+mod rewritten;
+mod varied;
 
 use std::{
     fmt::Write as _,
     path::{Path, PathBuf},
 };
+
+pub use varied::{Copy, Range, SUITES, read_ranges, write_ranges};
 
 /// Where the numbers stand, and what decides there.
 const FOLDERS: [(&str, &str); 4] = [
@@ -17,6 +25,9 @@ const FOLDERS: [(&str, &str); 4] = [
     ("runtime/checks/src", "Checks"),
     ("runtime/src/accuracy", "The search for an accuracy"),
 ];
+
+/// The table of ranges.
+pub const RANGES: &str = "tests/src/constants/ranges.csv";
 
 /// Words that a unit begins with, and words that are one.
 const UNITS_OF: [&str; 5] = ["in units of ", "parts of ", "part of ", "times ", "multiple of "];
@@ -35,6 +46,8 @@ pub struct Constant {
     pub file: String,
     /// Its name there.
     pub name: String,
+    /// Its type.
+    pub kind: String,
     /// As it is written.
     pub value: String,
     /// In words; `None` if the comment has none.
@@ -97,6 +110,7 @@ pub fn constants_of(file: &str, text: &str) -> Vec<Constant> {
         found.push(Constant {
             file: file.to_owned(),
             name: name.to_owned(),
+            kind: kind.to_owned(),
             value: value.to_owned(),
             unit: unit(kind, &shared),
             what,
@@ -158,26 +172,68 @@ pub fn constants(root: &Path) -> Vec<(&'static str, Vec<Constant>)> {
     FOLDERS.iter().map(|(folder, title)| (*title, constants_in(root, folder))).collect()
 }
 
+/// Every single number with the name that ranges have for it, `folder/file:NAME`.
+///
+/// # Panics
+/// If a file cannot be read.
+#[must_use]
+pub fn single_constants(root: &Path) -> Vec<(String, Constant)> {
+    let named = |folder: &str, c: Constant| (format!("{folder}/{}:{}", c.file, c.name), c);
+    let of = |folder| constants_in(root, folder).into_iter().map(move |c| named(folder, c));
+    FOLDERS.iter().flat_map(|(folder, _)| of(folder)).filter(|(_, c)| !c.kind.starts_with('[')).collect()
+}
+
+/// The ranges that were measured.
+///
+/// # Panics
+/// If the table cannot be read.
+#[must_use]
+pub fn ranges(root: &Path) -> Vec<Range> {
+    read_ranges(&std::fs::read_to_string(root.join(RANGES)).expect("the table of ranges can be read"))
+}
+
+/// A range in words; empty where none was measured for this value.
+fn range_told(ranges: &[Range], constant: &str, value: &str) -> String {
+    let Some(range) = ranges.iter().find(|r| r.constant == constant && r.value == value) else { return String::new() };
+    let [least, most] = range.passes;
+    let end = |factor: f64, fails: &str| match fails {
+        "" => format!("{factor}"),
+        suite => format!("{factor} ({suite})"),
+    };
+    format!("{} to {}", end(least, &range.fails[0]), end(most, &range.fails[1]))
+}
+
 /// The page, in Markdown.
 ///
 /// # Panics
 /// If a file cannot be read.
 #[must_use]
 pub fn page(root: &Path) -> String {
-    let all = constants(root);
+    let (all, ranges) = (constants(root), ranges(root));
     let count = |has: fn(&Constant) -> bool| all.iter().flat_map(|(_, list)| list).filter(|c| has(c)).count();
     let (n, units, reasons) = (count(|_| true), count(|c| c.unit.is_some()), count(|c| c.why.is_some()));
+    let singles = single_constants(root);
+    let measured = singles.iter().filter(|(name, c)| !range_told(&ranges, name, &c.value).is_empty()).count();
     let mut page = format!(
         "# Numbers that decide\n\nIn short: iterations, contact, checks and the search for an accuracy decide by {n} \
          constants. {units} of them have a unit in words, for {reasons} their comment says why they are so large. \
-         `cargo run -p wfl-tests --bin constants` makes this page from the comments.\n"
+         `cargo run -p wfl-tests --bin constants` makes this page from the comments.\n\nRanges are factors of the value \
+         within which these suites pass, in the release profile: {}. Tried are 1/2, then 1/10, and 2, then 10; in brackets \
+         stands the suite that failed beyond. `cargo run -p wfl-tests --bin constants -- vary NAME..` measures them; {measured} \
+         of {} single numbers were measured with their present value. A wide range says that nothing in these suites hangs on \
+         the number, no more.\n",
+        SUITES.join(", "),
+        singles.len(),
     );
     let cell = |text: &str| text.replace('|', "\\|").replace('<', "&lt;");
-    for (title, list) in &all {
-        page += &format!("\n## {title}\n\n| Constant | Value | Unit | What it is | Why |\n|---|---|---|---|---|\n");
-        for Constant { file, name, value, unit, what, why } in list {
+    for ((title, list), (folder, _)) in all.iter().zip(FOLDERS) {
+        page += &format!(
+            "\n## {title}\n\n| Constant | Value | Unit | What it is | Why | Range |\n|---|---|---|---|---|---|\n"
+        );
+        for Constant { file, name, value, unit, what, why, .. } in list {
             let [unit, why] = [unit, why].map(|text| text.as_deref().map_or_else(String::new, cell));
-            writeln!(page, "| `{name}` ({file}) | `{value}` | {unit} | {} | {why} |", cell(what))
+            let range = range_told(&ranges, &format!("{folder}/{file}:{name}"), value);
+            writeln!(page, "| `{name}` ({file}) | `{value}` | {unit} | {} | {why} | {range} |", cell(what))
                 .expect("a text takes all that is written");
         }
     }

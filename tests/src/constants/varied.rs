@@ -1,0 +1,321 @@
+//! In which range of each constant suites pass: a copy of the workspace whose constants can be changed by the environment
+//! is built once, and its suites run with one constant changed at a time.
+
+use std::{
+    collections::BTreeSet,
+    fmt::Write as _,
+    io,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    time::{Duration, Instant},
+};
+
+use super::rewritten::{Names, SOURCE, VARIABLE, rewritten};
+use super::{FOLDERS, constants_in};
+
+/// What a constant is multiplied by: downwards and upwards, the nearer one first; what fails at the nearer one is not tried
+/// at the farther one.
+const FACTORS: [[f64; 2]; 2] = [[0.5, 0.1], [2.0, 10.0]];
+/// A suite that takes so many times as long as without a change, and [`PATIENCE`] more, has failed: an iteration that no
+/// longer ends.
+const SLOWER: u32 = 4;
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Attempts to build the copy; each leaves out the constants that cannot be functions.
+const ATTEMPTS: usize = 8;
+
+/// Packages whose suites are built, and the suites of them that are run: unit tests of crates by the names of these, and
+/// programs of tests.
+const PACKAGES: [&str; 5] = ["wfl-tests", "wfl-cli", "wfl-newton", "wfl-contact", "wfl-checks"];
+/// The suites, in the order in which they are run: quick ones first.
+pub const SUITES: [&str; 6] = ["wfl_newton", "wfl_contact", "wfl_checks", "robust", "scenes", "pairs"];
+
+/// Within which factors of a constant the suites pass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Range {
+    /// The constant: file from the folder of its crate, and name.
+    pub constant: String,
+    /// Its value when that was found.
+    pub value: String,
+    /// The smallest and the largest factor at which all suites passed.
+    pub passes: [f64; 2],
+    /// The suite that failed first beyond, downwards and upwards; empty where nothing failed.
+    pub fails: [String; 2],
+}
+
+/// The table of ranges: `constant,value,least,most,suite below,suite above`.
+#[must_use]
+pub fn read_ranges(text: &str) -> Vec<Range> {
+    let range = |line: &str| {
+        let mut cells = line.split(',').map(str::trim);
+        let mut next = || cells.next().map(str::to_owned);
+        Some(Range {
+            constant: next()?,
+            value: next()?,
+            passes: [next()?.parse().ok()?, next()?.parse().ok()?],
+            fails: [next()?, next()?],
+        })
+    };
+    text.lines().skip(1).filter_map(range).collect()
+}
+
+/// The table as text.
+#[must_use]
+pub fn write_ranges(ranges: &[Range]) -> String {
+    let mut text = "constant,value,least factor,largest factor,fails below,fails above\n".to_owned();
+    for Range { constant, value, passes: [least, most], fails: [below, above] } in ranges {
+        writeln!(text, "{constant},{value},{least},{most},{below},{above}").expect("a text takes all that is written");
+    }
+    text
+}
+
+/// A suite that was built.
+struct Suite {
+    name: &'static str,
+    program: PathBuf,
+    folder: PathBuf,
+    usual: Duration,
+}
+
+/// The copy of the workspace.
+pub struct Copy {
+    root: PathBuf,
+    suites: Vec<Suite>,
+    left_out: BTreeSet<String>,
+}
+
+fn write_if_new(path: &Path, text: &[u8]) -> io::Result<()> {
+    if std::fs::read(path).is_ok_and(|old| old == text) {
+        return Ok(());
+    }
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder)?;
+    }
+    std::fs::write(path, text)
+}
+
+fn files(folder: &Path, out: &mut Vec<PathBuf>) -> io::Result<()> {
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        match path.is_dir() {
+            true if name == "target" || name.starts_with(".git") => {}
+            true => files(&path, out)?,
+            false => out.push(path),
+        }
+    }
+    Ok(())
+}
+
+/// The crate that a folder of constants belongs to, and the place of the folder in it.
+fn in_crate(folder: &str) -> (&str, &str) {
+    match folder.split_once("/src/") {
+        Some((of, rest)) => (of, rest),
+        None => (folder.trim_end_matches("/src"), ""),
+    }
+}
+
+impl Copy {
+    /// Makes and builds the copy of the workspace at `root` in `target/varied`.
+    ///
+    /// # Errors
+    /// What cannot be read, written or built.
+    pub fn new(root: &Path) -> io::Result<Self> {
+        let mut this = Self { root: root.join("target/varied"), suites: Vec::new(), left_out: BTreeSet::new() };
+        for _ in 0..ATTEMPTS {
+            this.write(root)?;
+            let blamed = this.build(root)?;
+            if blamed.is_empty() {
+                return Ok(this);
+            }
+            this.left_out.extend(blamed);
+        }
+        Err(io::Error::other("the copy cannot be built"))
+    }
+
+    /// Constants that are part of lists, tables or patterns, which this program does not change.
+    pub fn left_out(&self) -> impl Iterator<Item = &str> {
+        self.left_out.iter().map(String::as_str)
+    }
+
+    fn write(&self, root: &Path) -> io::Result<()> {
+        let mut all = Vec::new();
+        files(root, &mut all)?;
+        for path in all {
+            let relative = path.strip_prefix(root).map_err(io::Error::other)?;
+            let shown = relative.display().to_string();
+            let mut bytes = std::fs::read(&path)?;
+            if shown == "runtime/host/src/lib.rs" {
+                bytes.extend_from_slice(SOURCE.as_bytes());
+            }
+            for (folder, _) in FOLDERS {
+                let (of, within) = in_crate(folder);
+                let sources = format!("{of}/src/");
+                let file = shown.strip_prefix(&sources).filter(|file| file.ends_with(".rs"));
+                // the search for an accuracy is a folder of its crate: others do not name its constants
+                let Some(file) = file.and_then(|file| file.strip_prefix(within)) else { continue };
+                let file = file.trim_start_matches('/');
+                let names = self.names(root, folder);
+                let text = String::from_utf8_lossy(&bytes).into_owned();
+                bytes = rewritten(file, &format!("{folder}/{file}"), &text, &names).into_bytes();
+            }
+            write_if_new(&self.root.join(relative), &bytes)?;
+        }
+        Ok(())
+    }
+
+    fn names(&self, root: &Path, folder: &str) -> Names {
+        let mut names = Names::new();
+        for constant in constants_in(root, folder) {
+            let is_single = !constant.kind.starts_with('[');
+            if is_single && !self.left_out.contains(&format!("{folder}/{}:{}", constant.file, constant.name)) {
+                names.entry(constant.file).or_default().insert(constant.name);
+            }
+        }
+        names
+    }
+
+    /// Builds the suites; the constants that stand where none of them compiles.
+    fn build(&mut self, root: &Path) -> io::Result<BTreeSet<String>> {
+        self.suites.clear();
+        // all at once: other packages alone select other features, with which everything below is built again
+        let packages = PACKAGES.iter().flat_map(|package| ["-p", package]);
+        let programs = SUITES.iter().filter(|suite| !suite.starts_with("wfl_")).flat_map(|suite| ["--test", suite]);
+        let output = Command::new("cargo")
+            .current_dir(&self.root)
+            .args(["test", "--release", "--no-run", "--message-format=json", "--lib"])
+            .args(packages.chain(programs))
+            .args(["--target-dir", &root.join("target").display().to_string()])
+            .stderr(Stdio::inherit())
+            .output()?;
+        let text = String::from_utf8_lossy(&output.stdout);
+        let messages: Vec<serde_json::Value> =
+            text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+        if !output.status.success() {
+            return self.blamed(root, &messages);
+        }
+        for name in SUITES {
+            let built = messages.iter().find(|m| m["profile"]["test"] == true && m["target"]["name"] == name);
+            let text = |key: &str| built.and_then(|m| m[key].as_str()).map(PathBuf::from);
+            let (Some(program), Some(manifest)) = (text("executable"), text("manifest_path")) else {
+                return Err(io::Error::other(format!("{name} has no program")));
+            };
+            let folder = manifest.parent().map(Path::to_path_buf).unwrap_or_default();
+            self.suites.push(Suite { name, program, folder, usual: Duration::ZERO });
+        }
+        Ok(BTreeSet::new())
+    }
+
+    /// The constants that are named on the lines of errors.
+    fn blamed(&self, root: &Path, messages: &[serde_json::Value]) -> io::Result<BTreeSet<String>> {
+        let mut blamed = BTreeSet::new();
+        let errors = messages.iter().map(|m| &m["message"]).filter(|m| m["level"] == "error");
+        let spans = errors.flat_map(|m| m["spans"].as_array().cloned().unwrap_or_default());
+        for span in spans {
+            let lines = span["text"].as_array().cloned().unwrap_or_default();
+            let code: String = lines.iter().filter_map(|line| line["text"].as_str()).collect::<Vec<_>>().join(" ");
+            let at = span["file_name"].as_str().unwrap_or_default();
+            for (folder, _) in FOLDERS {
+                let is_own = at.starts_with(in_crate(folder).0);
+                let is_named = |name: &String| {
+                    code.contains(&format!("{name}()")) && is_own || code.contains(name.as_str()) && !is_own
+                };
+                for (file, names) in self.names(root, folder) {
+                    let named = names.iter().filter(|name| is_named(name));
+                    blamed.extend(named.map(|name| format!("{folder}/{file}:{name}")));
+                }
+            }
+        }
+        match blamed.is_empty() {
+            true => Err(io::Error::other("the copy does not compile, and no constant is to blame")),
+            false => Ok(blamed),
+        }
+    }
+
+    /// Runs all suites as they are, for the time that they take.
+    ///
+    /// # Errors
+    /// The first that fails.
+    pub fn measure(&mut self) -> io::Result<Duration> {
+        let mut all = Duration::ZERO;
+        for suite in &mut self.suites {
+            let start = Instant::now();
+            if !suite.passes("", Duration::from_secs(3600))? {
+                return Err(io::Error::other(format!("{} fails without a change", suite.name)));
+            }
+            suite.usual = start.elapsed();
+            all += suite.usual;
+        }
+        Ok(all)
+    }
+
+    /// The first suite that fails with one constant changed.
+    fn failing(&self, change: &str) -> io::Result<Option<&str>> {
+        for suite in &self.suites {
+            if !suite.passes(change, suite.usual * SLOWER + PATIENCE)? {
+                return Ok(Some(suite.name));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The range of a constant, `folder/file:NAME`.
+    ///
+    /// # Errors
+    /// If a suite cannot be started.
+    pub fn range(&self, constant: &str, value: &str) -> io::Result<Range> {
+        let mut range = Range {
+            constant: constant.to_owned(),
+            value: value.to_owned(),
+            passes: [1.0; 2],
+            fails: [String::new(), String::new()],
+        };
+        for (side, factors) in FACTORS.into_iter().enumerate() {
+            for factor in factors {
+                if let Some(suite) = self.failing(&format!("{constant}={factor}"))? {
+                    suite.clone_into(&mut range.fails[side]);
+                    break;
+                }
+                range.passes[side] = factor;
+            }
+        }
+        Ok(range)
+    }
+}
+
+impl Suite {
+    fn passes(&self, change: &str, within: Duration) -> io::Result<bool> {
+        let mut command = Command::new(&self.program);
+        command.current_dir(&self.folder).env(VARIABLE, change).stdout(Stdio::null()).stderr(Stdio::null());
+        let mut child = command.spawn()?;
+        let start = Instant::now();
+        loop {
+            if let Some(status) = child.try_wait()? {
+                return Ok(status.success());
+            }
+            if start.elapsed() > within {
+                child.kill()?;
+                child.wait()?;
+                return Ok(false);
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_of_ranges_is_read_as_it_was_written() {
+        let fails = ["wfl-newton lib".to_owned(), String::new()];
+        let range = Range { constant: "a/b.rs:C".to_owned(), value: "1e-3".to_owned(), passes: [0.5, 10.0], fails };
+        assert_eq!(read_ranges(&write_ranges(std::slice::from_ref(&range))), [range]);
+    }
+
+    #[test]
+    fn a_folder_of_constants_belongs_to_a_crate() {
+        assert_eq!(in_crate("runtime/newton/src"), ("runtime/newton", ""));
+        assert_eq!(in_crate("runtime/src/accuracy"), ("runtime", "accuracy"));
+    }
+}
