@@ -23,6 +23,7 @@ mod signs;
 mod singular;
 mod stability;
 mod strains;
+mod tractions;
 mod turned;
 mod uniqueness;
 mod worst;
@@ -42,6 +43,7 @@ pub use rigid_motions::LooseMotions;
 pub use signs::{DrivenSides, UnbalancedLoad, driven_sides, unbalanced_loads};
 pub use stability::{Unstable, is_due, unstable};
 pub use strains::{LargeStrain, SmallStrainBody, large_strains, small_strain_bodies};
+pub use tractions::{UndeclaredMultiplier, undeclared_multipliers};
 pub use turned::{TurnedCells, turned_cells};
 pub use uniqueness::{Others, others};
 

@@ -335,6 +335,16 @@ pages! {
         "def gap = (Interpolate(X, m) - X).Normal",
     ),
     page(
+        W518,
+        "a traction that is declared as an unknown",
+        "A vector that lives on faces alone, and that the law of contact takes beside a displacement, is a force: a Lagrange \
+         multiplier. The equations are the same whatever it is called, but an unknown is taken for a displacement where \
+         slip, overlap and equilibrium are looked at, and where contact is scaled. `multiplier` also drops the components \
+         that nothing determines.",
+        "unknown l : vector on fault\nterm contact on fault : augmented(uL, uR, l, gamma, friction)",
+        "multiplier l : vector on fault\nterm contact on fault : augmented(uL, uR, l, gamma, friction)",
+    ),
+    page(
         W520,
         "pressures that alternate from point to point",
         "Inside the zone of contact the pressure of a term jumps up and down between neighbouring points by more than a fifth \

@@ -106,6 +106,14 @@ const GLUED: &str = "mesh box [-1,0] to [1,1] cells [4,2] quad\nregion left = ce
     term cohesion on fault : 100*jump(uL,uR).(-jump(Test_uL,Test_uR))\n\
     fix uL = [0,0] on west\nfix uR = [0.01,0] on east\n";
 
+/// Two blocks with contact by a multiplier.
+const TRACTION: &str = "use \"contact\"\nmesh box [-1,0] to [1,1] cells [4,2] quad\nregion left = cells where x < 0\n\
+    region right = cells where x > 0\nregion fault = interface from left to right\nregion west = faces where x == -1\n\
+    region east = faces where x == 1\nunknown uL : vector on left\nunknown uR : vector on right\n\
+    unknown l : vector on fault\ndef sigma(v) = 1000*Sym(Grad_v)\n\
+    term a on left : sigma(uL):Grad_Test_uL\nterm b on right : sigma(uR):Grad_Test_uR\n\
+    term contact on fault : augmented(uL, uR, l, 1000, 0.3)\nfix uL = [0,0] on west\nfix uR = [-0.01,0] on east\n";
+
 /// A block that friction holds on a floor below its bound, under constant loads.
 const HELD: &str = "mesh box [0,0] to [1,1] cells [4,4] quad\nparam gamma = 2e4\nregion floor = faces where y == 0\n\
     region top = faces where y == 1\nregion side = faces where x == 0\nunknown u : vector\ndef sig(v) = 1000*Sym(Grad_v)\n\
@@ -253,6 +261,7 @@ fn warnings() -> Vec<Pair> {
         Pair::new("W520", ROUNDED).near("quadrature on top degree 5\n", ""),
         Pair::new("W514", STRAINED.replace("Sym(Grad_u)", "Grad_u")).near("*Grad_u:", "*Sym(Grad_u):"),
         Pair::new("W515", SHEARED).near("4*(", "2*("),
+        Pair::new("W518", TRACTION).near("unknown l :", "multiplier l :"),
         Pair::new("W517", APART).near("(X - Interpolate(X, m))", "(Interpolate(X, m) - X)"),
         Pair::new("W602", BETWEEN_KINKS).near("search=none", "search=auto"),
         Pair::new("W605", NITSCHE.replace("1e4", "1e17")).near("gamma = 1e17", "gamma = 1e5"),

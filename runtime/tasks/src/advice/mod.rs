@@ -13,6 +13,7 @@ mod locking;
 mod nitsche;
 mod objectivity;
 pub mod signs;
+mod tractions;
 
 use wfl::{Code, Diagnostic};
 use wfl_runtime::{Equations, Scene};
@@ -58,6 +59,7 @@ const CHECKS: &[Check] = &[
     Check { codes: &[Code::W512], look: |at| load_rules::loads(at.scene) },
     Check { codes: &[Code::W513], look: |at| at.at_first(|first| locking::bodies(at.scene, first)) },
     Check { codes: &[Code::W517], look: |at| at.at_first(|first| distances::signs(at.scene, first)) },
+    Check { codes: &[Code::W518], look: |at| at.at_first(|first| tractions::unknowns(at.loaded, at.scene, first)) },
     Check { codes: &[Code::E613, Code::E614], look: |at| signs::forces(at.loaded, at.scene, &at.of_contact) },
     Check { codes: &[Code::W507, Code::W508, Code::W509, Code::W510], look: |at| at.of_contact.clone() },
 ];
