@@ -228,7 +228,8 @@ impl Choice {
 /// Whether a ball sticks, and the numbers that it slips by, from the argument `x`, the value `t`, the radius and `c`.
 ///
 /// Of `t + dt = P(y) + P'(y) (dy)`, y = t + c (x - t), solved for t + dt: the part of t across y drops out, because y
-/// has none.
+/// has none. A point whose y is on the other side of the ball sticks first: after a load that turns back a whole face would
+/// slip the other way else, further than it has come, and the search along that step ends nowhere.
 fn ball(x: &[f64], t: &[f64], radius: f64, ratio: f64, slip: SlipMut<'_>) -> bool {
     let SlipMut { along, across } = slip;
     for (k, y) in along.iter_mut().enumerate() {
@@ -236,7 +237,9 @@ fn ball(x: &[f64], t: &[f64], radius: f64, ratio: f64, slip: SlipMut<'_>) -> boo
     }
     let largest = along.iter().fold(0.0f64, |m, y| m.max(y.abs()));
     let reduced = if largest > 0.0 { along.iter().map(|y| (y / largest).powi(2)).sum::<f64>().sqrt() } else { 0.0 };
-    let stick = radius >= 0.0 && (largest == 0.0 || reduced <= radius / largest);
+    let is_inside = radius >= 0.0 && (largest == 0.0 || reduced <= radius / largest);
+    let turns_back = radius > 0.0 && along.iter().zip(t).map(|(y, t)| y * t).sum::<f64>() < 0.0;
+    let stick = is_inside || turns_back;
     *across = 0.0;
     if largest > 0.0 {
         along.iter_mut().for_each(|y| *y = *y / largest / reduced);
@@ -311,6 +314,18 @@ mod tests {
                 assert!(error(1e-4) < 1e-6 && error(1e-5) < 1e-8, "{x:?} {ratio}: second order");
             }
         }
+    }
+
+    #[test]
+    fn a_point_sticks_before_it_slips_the_other_way() {
+        let (t, radius) = ([2.0, 0.0], 2.0);
+        // however far behind the argument has come, and for each ratio
+        for (back, ratio) in [(-1.0, 1.0), (-100.0, 1.0), (-100.0, 0.1), (-1e6, 1e-3)] {
+            assert!(chosen(&[back, 0.3], &t, radius, ratio).sticks, "{back} {ratio}");
+        }
+        // slip that turns by less than a right angle goes on, and without a bound nothing sticks
+        assert!(!chosen(&[3.0, 40.0], &t, radius, 1.0).sticks);
+        assert!(!chosen(&[-100.0, 0.0], &t, 0.0, 1.0).sticks);
     }
 
     #[test]
