@@ -5,17 +5,22 @@
 
 use wfl_compiler::Class;
 use wfl_discrete::{assemble::Over, pruning::Pruning, system::System};
-use wfl_host::memory::claim;
 use wfl_sparse::solve::LinearMethod;
 
 use super::condensation::condenses;
+use super::cost::{Factors, Iteration, Ways, Work};
 use super::library::traits;
 use super::plan::LinearPlan;
 
-/// Number of unknowns, in three dimensions: the models below were measured with about so many.
-const REFERENCE: f64 = 1e5;
-/// Fewer unknowns are factored where the factor fits into the memory: half a minute and 4 GB at most.
-const SMALL: usize = 150_000;
+/// Factors of the bodies with what is condensed, and the iteration; solutions are those of a step with its iterations of Newton.
+/// Measured on the fault, 4 and 20 steps of 107,000 and of 205,000 unknowns (docs/scale.md), the iteration on 28,000 and 107,000
+/// in four steps, on two cores that others used, too (docs/solvers.md). Fewer than 150,000 unknowns are factored where the
+/// factor fits into the memory: half a minute and 4 GB at most.
+const WAYS: Ways = Ways {
+    factors: Factors { bytes: 20e3, seconds: 6.8, power: 2.1, solution: 0.5 },
+    iteration: Iteration { bytes: 5.5e3, levels: 10.0, solution: 20.0 },
+    small: 150_000,
+};
 /// Number of unknowns below which a factor is never too large: at most half a gigabyte.
 const LEAST: usize = 30_000;
 /// Number of unknowns of contact above which the iteration is not used: a factor on them in every iteration of Newton takes
@@ -54,57 +59,19 @@ pub fn obstacle_of_filter(system: &System) -> Option<String> {
     traits.obstacle
 }
 
-/// What a method is foreseen to take.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Cost {
-    seconds: f64,
-    bytes: f64,
-}
-
-/// Bytes of the factor of the bodies and of what is condensed, for each unknown at [`REFERENCE`] of them; they grow with the
-/// third root of their number (George 1973). Measured as the time is: 2.3 GB for 107,000 unknowns, 5.1 GB for 205,000.
-const FACTOR_BYTES: f64 = 20e3;
-/// Seconds of that factor there, and the power of the number of unknowns they grow with. Measured on the fault, 4 and 20 steps
-/// of 107,000 and of 205,000 unknowns (docs/scale.md).
-const FACTOR_SECONDS: f64 = 6.8;
-const FACTOR_POWER: f64 = 2.1;
-/// Seconds of a step there: some iterations of Newton, each a few solutions; they grow as the bytes of the factor do.
-const STEP_SECONDS: f64 = 0.5;
-/// Of the iteration: bytes for each unknown, seconds of the levels and the checks of the scene, and of a step. Measured on the
-/// fault of 28,000 and of 107,000 unknowns in four steps, on two cores that others used, too (docs/solvers.md).
-const BYTES: f64 = 5.5e3;
-const LEVELS_SECONDS: f64 = 10.0;
-const ITERATIONS_SECONDS: f64 = 20.0;
-
-#[expect(clippy::cast_precision_loss, reason = "counts")]
-fn factor(n: usize, steps: usize) -> Cost {
-    let size = n as f64 / REFERENCE;
-    let seconds = FACTOR_SECONDS * size.powf(FACTOR_POWER) + steps as f64 * STEP_SECONDS * size.powf(4.0 / 3.0);
-    Cost { seconds, bytes: FACTOR_BYTES * n as f64 * size.cbrt() }
-}
-
-#[expect(clippy::cast_precision_loss, reason = "counts")]
-fn iteration(n: usize, steps: usize) -> Cost {
-    let size = n as f64 / REFERENCE;
-    Cost { seconds: (LEVELS_SECONDS + steps as f64 * ITERATIONS_SECONDS) * size, bytes: BYTES * n as f64 }
-}
-
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
-fn size(cost: Cost) -> u64 {
-    cost.bytes as u64
+#[expect(clippy::cast_precision_loss, reason = "a count of steps")]
+fn work(steps: usize) -> Work {
+    Work { made: 1.0, solutions: steps as f64 }
 }
 
 /// Whether the iteration is to be used; `steps` are those that are expected.
 #[must_use]
 pub(super) fn is_chosen(system: &System, method: LinearMethod, steps: usize) -> bool {
     let n = system.n_unknowns();
-    let (direct, iterative) = (factor(n, steps), iteration(n, steps));
-    let pays = || n >= SMALL && iterative.seconds < direct.seconds;
-    let fits = || claim(size(direct), "the factor of the bodies").is_ok();
     let is_wanted = match method {
         LinearMethod::Direct => false,
         LinearMethod::Iterative => true,
-        LinearMethod::Auto => system.mesh.dim() == 3 && n >= LEAST && (pays() || !fits()),
+        LinearMethod::Auto => system.mesh.dim() == 3 && n >= LEAST && WAYS.prefer_iteration(n, [work(steps); 2]),
     };
     is_wanted && obstacle_of_filter(system).is_none()
 }
@@ -115,7 +82,8 @@ pub(super) fn plan(system: &System, method: LinearMethod, steps: usize) -> Optio
         return None;
     }
     let n = system.n_unknowns();
-    let (bytes, in_place) = (size(iteration(n, steps)), size(factor(n, steps)));
+    let work = work(steps);
+    let (bytes, in_place) = (WAYS.by_iteration(n, work).size(), WAYS.by_factors(n, work).size());
     Some(LinearPlan::Filtered { on_contact: traits(system).on_contact, bytes, in_place })
 }
 
@@ -141,7 +109,7 @@ mod tests {
 
     #[test]
     fn many_steps_pay_for_a_factor_and_many_unknowns_do_not() {
-        let pays = |n, steps| iteration(n, steps).seconds < factor(n, steps).seconds;
+        let pays = |n, steps| WAYS.by_iteration(n, work(steps)).seconds < WAYS.by_factors(n, work(steps)).seconds;
         assert!(pays(2_000_000, 4) && !pays(350_000, 4) && !pays(60_000, 4) && !pays(107_000, 20));
     }
 }

@@ -1,4 +1,5 @@
-//! Whether a scene is solved with a factor or by conjugate gradients with multigrid.
+//! Whether a scene is solved with factors or by conjugate gradients with multigrid: the one matrix of a linear scene, or the
+//! tangents of nonlinear bodies.
 //!
 //! Decided before memory is taken, from the number of unknowns. Promises: a reason in words wherever the iteration cannot
 //! be used. Does not assemble and does not solve.
@@ -8,45 +9,89 @@ use std::sync::Arc;
 use wfl_discrete::{pruning::Pruning, system::System};
 use wfl_host::memory::claim;
 use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, SolveError, SolverOptions};
+use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, SolveError, SolveReport, SolverOptions};
 
+use super::condensation::condenses;
+use super::cost::{Factors, Iteration, Ways, Work};
 use super::plan::{Extent, LinearPlan};
 
-/// The number of unknowns of a mesh in three dimensions that the models below were measured with.
-const REFERENCE: f64 = 1e5;
-/// Bytes of a factor for each unknown there; they grow with the third root of the number of unknowns, as planes that cut
-/// a cube do (George 1973). Measured on cubes of trilinear hexahedra: 2.7 GB for 108,000 unknowns, 12.7 GB for 353,000.
-const FACTOR_BYTES: f64 = 25e3;
-/// Seconds of a factorisation there, and the power of the number of unknowns they grow with: 4.5 s for 108,000, 39 s for
-/// 353,000.
-const FACTOR_SECONDS: f64 = 3.9;
-const FACTOR_POWER: f64 = 1.85;
-/// Seconds of a solution with the factor there, which reads it twice; they grow as its bytes do.
-const SOLUTION_SECONDS: f64 = 0.4;
-/// Seconds in which the levels are made there, and of a solution by some 15 iterations; both grow with the unknowns.
-const LEVELS_SECONDS: f64 = 0.8;
-const ITERATION_SECONDS: f64 = 0.7;
-/// Bytes of all levels for each unknown.
-const LEVELS_BYTES: f64 = 700.0;
-/// Below so many unknowns a factor takes less than half a second, and nothing is gained.
-const SMALL: usize = 30_000;
+/// Of one matrix. Measured on cubes of trilinear hexahedra: 2.7 GB and 4.5 s for a factor of 108,000 unknowns, 12.7 GB and 39 s
+/// for 353,000; solutions by some 15 iterations. Below 30,000 unknowns a factor takes less than half a second, and nothing is
+/// gained.
+const ONE_MATRIX: Ways = Ways {
+    factors: Factors { bytes: 25e3, seconds: 3.9, power: 1.85, solution: 0.4 },
+    iteration: Iteration { bytes: 700.0, levels: 0.8, solution: 0.7 },
+    small: 30_000,
+};
+/// Of tangents. Measured as those above.
+const TANGENTS: Ways = Ways { small: 10_000, ..ONE_MATRIX };
+/// Of a step of Newton's method with nonlinear bodies: factors and solutions with them where an older factor serves between,
+/// and levels and solutions of a few digits in parts of one to rounding.
+const FACTORS_OF_A_STEP: Work = Work { made: 2.0, solutions: 10.0 };
+const LEVELS_OF_A_STEP: Work = Work { made: 1.0, solutions: 3.0 };
 
-/// The iteration of a scene, with its matrix.
+/// The iteration of a scene.
 pub(super) struct Iterative {
     solver: CheckedMultigrid,
+    /// It solves with tangents, as far as each is to be solved; else with one matrix, to a small error.
+    of_tangents: bool,
+    /// Factors have taken its place until the next attempt at a step.
+    is_set_aside: bool,
 }
 
 impl Iterative {
-    /// Makes the levels of a matrix.
+    /// Of one matrix; makes its levels.
     ///
     /// # Errors
     /// [`SolveError`]: not positive definite, singular, or too large.
-    pub(super) fn new(layout: NodeLayout, matrix: Arc<Csr>, options: SolverOptions) -> Result<Self, SolveError> {
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
-        claim(iteration(matrix.n_rows(), 0).bytes as u64, "the levels of multigrid")?;
-        let mut solver = CheckedMultigrid::new(layout, options);
-        solver.take(matrix)?;
-        Ok(Self { solver })
+    pub(super) fn of_one(layout: NodeLayout, matrix: Arc<Csr>, options: SolverOptions) -> Result<Self, SolveError> {
+        let mut this = Self { of_tangents: false, ..Self::of_tangents(layout, options) };
+        this.renew(matrix)?;
+        Ok(this)
+    }
+
+    /// Of the tangents to come.
+    pub(super) fn of_tangents(layout: NodeLayout, options: SolverOptions) -> Self {
+        Self { solver: CheckedMultigrid::new(layout, options), of_tangents: true, is_set_aside: false }
+    }
+
+    /// Makes the levels of a matrix.
+    fn renew(&mut self, matrix: Arc<Csr>) -> Result<(), SolveError> {
+        let need = ONE_MATRIX.by_iteration(matrix.n_rows(), LEVELS_OF_A_STEP);
+        claim(need.size(), "the levels of multigrid")?;
+        self.solver.take(matrix)
+    }
+
+    /// Takes a tangent; levels are made where those at hand do not serve.
+    ///
+    /// # Errors
+    /// As [`Self::of_one`].
+    pub(super) fn take(&mut self, matrix: &Arc<Csr>) -> Result<(), SolveError> {
+        if self.solver.keep_levels(matrix)? { Ok(()) } else { self.renew(Arc::clone(matrix)) }
+    }
+
+    /// Solves with the matrix taken last; of tangents until `tolerance` of the right-hand side is left. Where levels of an
+    /// earlier one do not serve, those of the matrix itself are made.
+    ///
+    /// # Errors
+    /// [`SolveError`] of an iteration with the levels of that matrix.
+    pub(super) fn solve(
+        &mut self,
+        rhs: &[f64],
+        x: &mut [f64],
+        tolerance: f64,
+        matrix: Option<&Arc<Csr>>,
+    ) -> Result<SolveReport, SolveError> {
+        if !self.of_tangents {
+            return self.solver.solve_to(rhs, x, tolerance);
+        }
+        match self.solver.solve_until(rhs, x, tolerance) {
+            Err(error) if is_of_iteration(&error) && self.solver.has_kept_levels() => {
+                self.renew(matrix.cloned().ok_or(error)?)?;
+                self.solver.solve_until(rhs, x, tolerance)
+            }
+            other => other,
+        }
     }
 
     /// The solver behind it.
@@ -54,10 +99,36 @@ impl Iterative {
         &mut self.solver
     }
 
+    /// Whether it solves tangents.
+    pub(super) fn is_of_tangents(&self) -> bool {
+        self.of_tangents
+    }
+
+    /// Whether it is at work.
+    pub(super) fn is_at_work(&self) -> bool {
+        !self.is_set_aside
+    }
+
+    /// Says whether factors take its place; levels are made anew afterwards.
+    pub(super) fn set_aside(&mut self, is_set_aside: bool) {
+        self.is_set_aside = is_set_aside;
+        self.solver.expire();
+    }
+
     /// What it is.
     pub(super) fn method(&self) -> LinearPlan {
-        LinearPlan::Iterative(Extent::Made(self.solver.level_sizes().to_vec()))
+        let levels = Extent::Made(self.solver.level_sizes().to_vec());
+        if self.of_tangents { LinearPlan::Tangents(levels) } else { LinearPlan::Iterative(levels) }
     }
+}
+
+/// Whether an iteration failed for what another method need not fail for.
+pub(super) fn is_of_iteration(error: &SolveError) -> bool {
+    use SolveError::{NotPositiveDefinite, NotSymmetric, ResidualTooLarge, TooManyIterations};
+    matches!(
+        error,
+        NotPositiveDefinite { .. } | NotSymmetric { .. } | TooManyIterations { .. } | ResidualTooLarge { .. }
+    )
 }
 
 /// Why a system cannot be solved by the iteration; `None` if it can.
@@ -68,98 +139,105 @@ pub fn obstacle(system: &System) -> Option<String> {
 
 /// The unknowns by nodes, or why there is no iteration.
 pub(super) fn layout(system: &System) -> Result<NodeLayout, String> {
-    if !system.is_linear() {
-        return Err("the scene is not linear: its tangents are factored".to_owned());
-    }
-    if let Some(term) = system.terms.iter().find(|t| !t.law.symmetric) {
+    let mut terms = system.terms.iter().chain(system.frozen().iter().map(|frozen| &frozen.form));
+    if let Some(term) = terms.find(|t| !t.law.symmetric) {
         return Err(format!("the term `{}` is not symmetric", term.law.name));
     }
     if !system.uses(Pruning::Symmetric) {
         return Err("symmetry is not used".to_owned());
     }
+    if let Some(why) = obstacle_of_tangents(system) {
+        return Err(why);
+    }
     system.node_layout()
 }
 
-/// What a method is foreseen to take.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Cost {
-    seconds: f64,
-    bytes: f64,
+/// What stands against it in the terms that are not linear.
+fn obstacle_of_tangents(system: &System) -> Option<String> {
+    if system.is_linear() {
+        return None;
+    }
+    if !system.team().is_alone() {
+        return Some("there are several ranks, and the scene is not linear".to_owned());
+    }
+    if system.has_moving_images() {
+        return Some("images follow the bodies".to_owned());
+    }
+    if let Some(field) = (0..system.fields.len()).find(|field| system.has_single_equations(*field)) {
+        return Some(format!("the equations of `{}` are laws at points", system.fields[field].name));
+    }
+    condenses(system).then(|| "the terms that are not linear touch few unknowns: the rest is factored once".to_owned())
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts")]
-fn factor(n: usize, solutions: usize) -> Cost {
-    let size = n as f64 / REFERENCE;
-    let seconds = FACTOR_SECONDS * size.powf(FACTOR_POWER) + solutions as f64 * SOLUTION_SECONDS * size.powf(4.0 / 3.0);
-    Cost { seconds, bytes: FACTOR_BYTES * n as f64 * size.cbrt() }
+/// The ways to solve the systems of a scene, and what they have to do in so many steps.
+fn ways(system: &System, steps: usize) -> (Ways, [Work; 2]) {
+    #[expect(clippy::cast_precision_loss, reason = "a count of steps")]
+    let steps = steps as f64;
+    if system.is_linear() {
+        return (ONE_MATRIX, [Work { made: 1.0, solutions: steps }; 2]);
+    }
+    let of_steps = |step: Work| Work { made: steps * step.made, solutions: steps * step.solutions };
+    (TANGENTS, [of_steps(FACTORS_OF_A_STEP), of_steps(LEVELS_OF_A_STEP)])
 }
 
-#[expect(clippy::cast_precision_loss, reason = "counts")]
-fn iteration(n: usize, solutions: usize) -> Cost {
-    let size = n as f64 / REFERENCE;
-    let seconds = (LEVELS_SECONDS + solutions as f64 * ITERATION_SECONDS) * size;
-    Cost { seconds, bytes: LEVELS_BYTES * n as f64 }
-}
-
-/// Whether the iteration is to be used.
+/// Whether the iteration is to be used; `steps` are those that are expected.
 #[must_use]
-pub(super) fn is_chosen(system: &System, method: LinearMethod, solutions: usize) -> bool {
+pub(super) fn is_chosen(system: &System, method: LinearMethod, steps: usize) -> bool {
+    let (ways, work) = ways(system, steps);
     let n = system.n_unknowns();
-    let pays = || {
-        let (direct, iterative) = (factor(n, solutions), iteration(n, solutions));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
-        let fits = claim(direct.bytes as u64, "the factor of the matrix").is_ok();
-        iterative.seconds < direct.seconds || !fits
-    };
     let is_wanted = match method {
         LinearMethod::Direct => false,
         LinearMethod::Iterative => true,
-        LinearMethod::Auto => system.mesh.dim() == 3 && n >= SMALL && pays(),
+        LinearMethod::Auto => system.mesh.dim() == 3 && n >= ways.small && ways.prefer_iteration(n, work),
     };
     is_wanted && obstacle(system).is_none()
 }
 
 /// The iteration with what it is foreseen to take; `None` for a factor.
-pub(super) fn plan(system: &System, method: LinearMethod, solutions: usize) -> Option<LinearPlan> {
-    if !is_chosen(system, method, solutions) {
+pub(super) fn plan(system: &System, method: LinearMethod, steps: usize) -> Option<LinearPlan> {
+    if !is_chosen(system, method, steps) {
         return None;
     }
+    let (ways, [of_factors, of_levels]) = ways(system, steps);
     let n = system.n_unknowns();
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
-    let size = |cost: Cost| cost.bytes as u64;
-    let in_place = (system.mesh.dim() == 3 && n >= SMALL).then(|| size(factor(n, solutions)));
-    Some(LinearPlan::Iterative(Extent::Foreseen((size(iteration(n, solutions)), in_place))))
+    let in_place = (system.mesh.dim() == 3 && n >= ways.small).then(|| ways.by_factors(n, of_factors).size());
+    let foreseen = Extent::Foreseen((ways.by_iteration(n, of_levels).size(), in_place));
+    Some(if system.is_linear() { LinearPlan::Iterative(foreseen) } else { LinearPlan::Tangents(foreseen) })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cost::Cost;
 
     #[test]
     fn a_factor_is_foreseen_as_it_was_measured() {
         let near = |found: f64, measured: f64| (found / measured - 1.0).abs() < 0.2;
-        assert!(near(factor(108_000, 0).bytes, 2.7e9) && near(factor(353_000, 0).bytes, 12.7e9));
-        assert!(near(factor(108_000, 0).seconds, 4.5) && near(factor(353_000, 0).seconds, 39.0));
+        let factor = |n| ONE_MATRIX.by_factors(n, Work { made: 1.0, solutions: 0.0 });
+        assert!(near(factor(108_000).bytes, 2.7e9) && near(factor(353_000).bytes, 12.7e9));
+        assert!(near(factor(108_000).seconds, 4.5) && near(factor(353_000).seconds, 39.0));
     }
 
     #[test]
     fn many_solutions_pay_for_a_factor() {
-        let pays = |n, solutions| iteration(n, solutions).seconds < factor(n, solutions).seconds;
-        assert!(pays(100_000, 1) && !pays(60_000, 1000) && pays(2_000_000, 10));
+        let work = |solutions| [Work { made: 1.0, solutions }; 2];
+        let pays = |n, solutions| ONE_MATRIX.prefer_iteration(n, work(solutions));
+        assert!(pays(100_000, 1.0) && !pays(60_000, 1000.0) && pays(2_000_000, 10.0));
     }
 
     #[test]
     fn a_factor_takes_more_for_each_unknown_the_more_there_are_and_the_levels_do_not() {
-        let by_unknown = |of: fn(usize, usize) -> Cost, n: usize| of(n, 0).bytes / n as f64;
-        assert!((by_unknown(factor, 800_000) / by_unknown(factor, 100_000) - 2.0).abs() < 1e-12, "the third root");
-        assert!((by_unknown(iteration, 800_000) / by_unknown(iteration, 100_000) - 1.0).abs() < 1e-12);
+        let by_unknown = |of: fn(&Ways, usize, Work) -> Cost, n: usize| of(&TANGENTS, n, LEVELS_OF_A_STEP).bytes / n as f64;
+        let growth = |of: fn(&Ways, usize, Work) -> Cost| by_unknown(of, 800_000) / by_unknown(of, 100_000);
+        assert!((growth(Ways::by_factors) - 2.0).abs() < 1e-12, "the third root");
+        assert!((growth(Ways::by_iteration) - 1.0).abs() < 1e-12);
     }
 
     #[test]
-    fn a_scene_with_contact_is_factored_whatever_is_asked_for() {
+    fn a_scene_with_friction_is_factored_whatever_is_asked_for() {
         use crate::test_block::Block;
         let system = Block::with_friction(1).system;
-        assert!(obstacle(&system).is_some_and(|why| why.contains("not linear")));
+        assert!(obstacle(&system).is_some_and(|why| why.contains("not symmetric")));
         assert!(!is_chosen(&system, LinearMethod::Iterative, 1));
         assert_eq!(plan(&system, LinearMethod::Iterative, 1), None);
     }
@@ -177,5 +255,14 @@ mod tests {
         use crate::test_block::{Block, LAPLACE};
         let system = Block::new(1, &[LAPLACE, "u(1)*Test_u(2)"], &[]).system;
         assert_eq!(obstacle(&system).as_deref(), Some("the term `law` is not symmetric"));
+    }
+
+    #[test]
+    fn nonlinear_bodies_are_iterated_on_request_and_small_ones_not_by_themselves() {
+        use crate::{test_block::Block, tests::CUBIC};
+        let system = Block::new(2, &[CUBIC], &[]).system;
+        assert_eq!(obstacle(&system), None);
+        assert!(is_chosen(&system, LinearMethod::Iterative, 1) && !is_chosen(&system, LinearMethod::Auto, 1));
+        assert!(matches!(plan(&system, LinearMethod::Iterative, 1), Some(LinearPlan::Tangents(_))));
     }
 }

@@ -9,6 +9,7 @@
 
 mod branch;
 mod condensation;
+mod cost;
 mod critical_point;
 mod error;
 mod filtered;

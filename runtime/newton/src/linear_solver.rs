@@ -5,8 +5,8 @@
 //! - a symmetric linear bulk and nonlinear terms on few dofs (contact): the bulk is factored once, the nonlinear part
 //!   is condensed onto the dofs it touches;
 //! - such a system that is too large for a factor of its bulk: GMRES with multigrid and a filter on the contact (`filtered`);
-//! - anything else: the whole tangent, factored anew where Krylov iterations with the factor of an earlier one would cost
-//!   more.
+//! - anything else: the whole tangent, by conjugate gradients with multigrid where it is symmetric and that is cheaper
+//!   (`tangents`), or factored anew where Krylov iterations with the factor of an earlier one would cost more.
 //!
 //! Symmetric matrices are tried as positive definite (LLT) where their diagonal is positive; where that fails they are
 //! factored with pivots of both signs (LDLT), which takes half of the multiplications and of the memory of LU. So are those
@@ -16,6 +16,7 @@ mod contact;
 mod definite;
 mod factors;
 mod foreseen;
+mod tangents;
 
 use std::sync::Arc;
 
@@ -60,6 +61,8 @@ pub struct LinearSolver {
     iterative: Option<Iterative>,
     /// The matrix that it solves with, kept for the factor that takes its place where it fails.
     matrix: Option<Arc<Csr>>,
+    /// Attempts at steps in which a factor has taken the place of the iteration on tangents.
+    given_way: usize,
     /// What solves in place of factors of our own: a linked library, or our iteration for contact.
     library: Option<Linked>,
     /// What it is told.
@@ -96,6 +99,7 @@ impl LinearSolver {
             solver: None,
             iterative: None,
             matrix: None,
+            given_way: 0,
             library: options.library,
             equations: None,
             spare: None,
@@ -126,6 +130,9 @@ impl LinearSolver {
         if filtered::is_chosen(system, method, solutions) {
             self.iterate_on_contact(system);
             return Ok(());
+        }
+        if iterative::is_chosen(system, method, solutions) {
+            return self.iterate_on_tangents(system);
         }
         match self.choose_factors(&Factors::of(system, &self.coordinates)) {
             Err(SolveError::TooMuchMemory(_))
@@ -196,7 +203,7 @@ impl LinearSolver {
 
     /// What solves now.
     fn method(&self) -> LinearPlan {
-        if let Some(iterative) = &self.iterative {
+        if let Some(iterative) = self.iterative.as_ref().filter(|iterative| iterative.is_at_work()) {
             return iterative.method();
         }
         if let (Some(Linked(library)), Some(equations)) = (self.library, &self.equations) {
@@ -263,7 +270,7 @@ impl LinearSolver {
     fn iterate(&mut self, system: &System) -> Result<(), SolveError> {
         let layout = iterative::layout(system).map_err(|_| SolveError::NotFactored)?;
         let matrix = system.shared_bulk();
-        self.iterative = Some(Iterative::new(layout, Arc::clone(&matrix), self.options)?);
+        self.iterative = Some(Iterative::of_one(layout, Arc::clone(&matrix), self.options)?);
         self.matrix = Some(matrix);
         self.solver = None;
         Ok(())
@@ -299,26 +306,36 @@ impl LinearSolver {
                 outcome
             }
             Kind::Linked => self.take_linked(&tangent.changing),
-            Kind::Full { .. } => self.take_sum([system.bulk(), &tangent.changing], !system.is_affine_when_frozen()),
+            Kind::Full { .. } => {
+                let sum = self.sum([system.bulk(), &tangent.changing])?;
+                self.take_tangent(system, sum, !system.is_affine_when_frozen())
+            }
         }
     }
 
-    /// Takes the sum of the linear and the changing part, and keeps an older factor where that may serve.
-    fn take_sum(&mut self, parts: [&Csr; 2], keeps: bool) -> Result<(), SolveError> {
-        let Kind::Full { pattern, bulk_positions, changing_positions, .. } = &self.kind else { return Ok(()) };
+    /// The sum of the linear and the changing part.
+    fn sum(&self, parts: [&Csr; 2]) -> Result<Csr, SolveError> {
+        let Kind::Full { pattern, bulk_positions, changing_positions, .. } = &self.kind else {
+            return Err(SolveError::NotFactored);
+        };
         let mut sum = Csr::zeros(pattern.clone());
         for (part, positions) in parts.into_iter().zip([bulk_positions, changing_positions]) {
             for (p, v) in positions.iter().zip(part.values()) {
                 sum.values_mut()[*p] += v;
             }
         }
+        Ok(sum)
+    }
+
+    /// Takes a whole matrix, and keeps an older factor where that may serve.
+    fn take_for_factor(&mut self, sum: &Csr, keeps: bool) -> Result<(), SolveError> {
         if keeps
             && let Some(solver) = &mut self.solver
-            && solver.keep_factor(&sum)?
+            && solver.keep_factor(sum)?
         {
             return Ok(());
         }
-        self.factor(&sum)
+        self.factor(sum)
     }
 
     /// The next tangent gets a factor of its own. Done at the start of an attempt, so that a run that is resumed there goes
@@ -327,6 +344,7 @@ impl LinearSolver {
         if let Some(solver) = &mut self.solver {
             solver.expire();
         }
+        self.expire_levels();
     }
 
     /// What later solutions depend on beside the matrices that are still to come.
@@ -339,7 +357,7 @@ impl LinearSolver {
                 let factored = self.solver.as_ref().map_or(Vec::new(), |solver| solver.remembered().to_vec());
                 SolverMemory { symmetric, factorisations, factored, iterative: true, ..SolverMemory::default() }
             }
-            _ => SolverMemory { symmetric, factorisations, ..SolverMemory::default() },
+            _ => SolverMemory { symmetric, factorisations, spent: self.given_way, ..SolverMemory::default() },
         }
     }
 
@@ -352,6 +370,9 @@ impl LinearSolver {
         self.factorisations = memory.factorisations;
         if memory.iterative || self.spare.is_some() {
             return self.recall_iteration(memory);
+        }
+        if !matches!(self.kind, Kind::Condensed(_)) {
+            self.recall_given_way(memory.spent);
         }
         if memory.factored.is_empty() {
             return Ok(true);
@@ -368,7 +389,7 @@ impl LinearSolver {
         match &self.kind {
             Kind::Condensed(c) => c.is_negative(),
             // conjugate gradients have met no direction of negative energy
-            _ if self.iterative.is_some() => Some(false),
+            _ if self.iterates() => (!self.iterates_on_tangents()).then_some(false),
             _ => self.solver.as_ref().and_then(|solver| solver.is_negative()),
         }
     }
@@ -426,7 +447,7 @@ impl LinearSolver {
                 self.factorisations += c.take_factorisations();
                 estimate
             }
-            _ => match &mut self.iterative {
+            _ => match self.iterative.as_mut().filter(|iterative| iterative.is_at_work()) {
                 Some(iterative) => iterative.solver().condition_estimate(),
                 None => self.solver.as_mut().ok_or(SolveError::NotFactored)?.condition_estimate(),
             },
@@ -453,13 +474,15 @@ impl LinearSolver {
     pub fn solve(&mut self, rhs: &[f64], x: &mut Vec<f64>, tolerance: f64) -> Result<SolveReport, SolveError> {
         x.clear();
         x.resize(rhs.len(), 0.0);
+        if self.iterates() {
+            return self.solve_by_iteration(rhs, x, tolerance);
+        }
         match &mut self.kind {
             Kind::Condensed(c) => {
                 let report = c.solve_to(rhs, x, tolerance);
                 self.factorisations += c.take_factorisations();
                 report
             }
-            _ if self.iterative.is_some() => self.solve_by_iteration(rhs, x, tolerance),
             _ if self.spare.is_some() => self.solve_on_contact(rhs, x, tolerance),
             _ => {
                 let solver = self.solver.as_mut().ok_or(SolveError::NotFactored)?;
@@ -473,24 +496,6 @@ impl LinearSolver {
                 Ok(SolveReport { refactored: true, ..report })
             }
         }
-    }
-
-    /// Conjugate gradients; a factor where they do not get to their end.
-    fn solve_by_iteration(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
-        let Some(iterative) = &mut self.iterative else { return Err(SolveError::NotFactored) };
-        let error = match iterative.solver().solve_to(rhs, x, tolerance) {
-            Err(
-                error @ (SolveError::NotPositiveDefinite { .. }
-                | SolveError::TooManyIterations { .. }
-                | SolveError::ResidualTooLarge { .. }),
-            ) => error,
-            other => return other,
-        };
-        let Some(matrix) = self.matrix.take() else { return Err(error) };
-        self.note_factor(&error);
-        self.iterative = None;
-        self.factor(&matrix)?;
-        self.solver.as_mut().ok_or(SolveError::NotFactored)?.solve(rhs, x)
     }
 }
 

@@ -37,6 +37,8 @@ pub enum LinearPlan {
     /// One symmetric matrix, by conjugate gradients with multigrid: bytes of the levels and of the factor in their place, or the number of
     /// unknowns on each level.
     Iterative(Extent<(u64, Option<u64>), Vec<usize>>),
+    /// Symmetric tangents, in the same way.
+    Tangents(Extent<(u64, Option<u64>), Vec<usize>>),
     /// The bulk is factored once, what changes is condensed: dofs of the nonlinear terms, or unknowns at points that are
     /// eliminated before and how the rest is.
     Condensed(Extent<usize, (usize, String)>),
@@ -75,14 +77,8 @@ impl fmt::Display for LinearPlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Once(factor) => write!(f, "one linear system, {factor}, factored once"),
-            Self::Iterative(Extent::Foreseen((levels, in_place))) => {
-                write!(f, "one linear system, symmetric: {ITERATION}, levels of about {}", shown(*levels))?;
-                in_place.map_or(Ok(()), |bytes| write!(f, "; a factor would take about {}", shown(bytes)))
-            }
-            Self::Iterative(Extent::Made(levels)) => {
-                let sizes: Vec<String> = levels.iter().map(ToString::to_string).collect();
-                write!(f, "one linear system, symmetric: {ITERATION} (unknowns by level: {})", sizes.join(", "))
-            }
+            Self::Iterative(extent) => write_iteration(f, "one linear system, symmetric: ", extent),
+            Self::Tangents(extent) => write_iteration(f, "Newton; whole tangent, symmetric: ", extent),
             Self::Condensed(Extent::Foreseen(touched)) => write!(
                 f,
                 "Newton; linear part factored once (LLT), Schur complement on the {touched} dofs of the nonlinear terms"
@@ -104,6 +100,26 @@ impl fmt::Display for LinearPlan {
                 write!(f, "Newton; whole tangent, {factor}, factored where an older factor does not serve")
             }
             Self::Library(text) => f.write_str(text),
+        }
+    }
+}
+
+/// The iteration with its levels, which are not known before the first matrix.
+fn write_iteration(
+    f: &mut fmt::Formatter<'_>,
+    what: &str,
+    extent: &Extent<(u64, Option<u64>), Vec<usize>>,
+) -> fmt::Result {
+    write!(f, "{what}{ITERATION}")?;
+    match extent {
+        Extent::Foreseen((levels, in_place)) => {
+            write!(f, ", levels of about {}", shown(*levels))?;
+            in_place.map_or(Ok(()), |bytes| write!(f, "; a factor would take about {}", shown(bytes)))
+        }
+        Extent::Made(levels) if levels.is_empty() => Ok(()),
+        Extent::Made(levels) => {
+            let sizes: Vec<String> = levels.iter().map(ToString::to_string).collect();
+            write!(f, " (unknowns by level: {})", sizes.join(", "))
         }
     }
 }

@@ -475,7 +475,7 @@ pub(super) fn unfit_iteration(script: &wfl::ResolvedScript, system: &System) -> 
     let word = options.find(|o| ["cg", "gmres"].contains(&o.name.name.as_str()))?;
     let name = word.name.name.as_str();
     let (why, text, other) = match name {
-        "cg" => (obstacle(system)?, "conjugate gradients need one symmetric positive definite matrix", "gmres"),
+        "cg" => (obstacle(system)?, "conjugate gradients need symmetric positive definite matrices", "gmres"),
         _ => (obstacle_of_filter(system)?, "the iteration for contact on bodies that are linear and symmetric", "cg"),
     };
     let d = Diagnostic::new(Code::E442, format!("`{name}` cannot be used here: {why}"));

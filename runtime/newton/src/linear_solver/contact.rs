@@ -123,7 +123,10 @@ impl LinearSolver {
                 self.factorisations += c.take_factorisations();
                 outcome
             }
-            _ => self.take_sum([&factors.bulk, changing], false),
+            _ => {
+                let sum = self.sum([&factors.bulk, changing])?;
+                self.factor(&sum)
+            }
         }
     }
 

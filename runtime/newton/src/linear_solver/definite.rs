@@ -2,7 +2,8 @@
 //!
 //! A factor at hand often says so at no cost: Cholesky's exists for positive definite matrices alone, and with a negative
 //! determinant there is a negative direction. Where it does not, the whole tangent is factored once more, by Cholesky first;
-//! if that succeeds, later steps are solved with it. Counts of LDLᵀ are those of the whole matrix, however its parts are
+//! if that succeeds, later steps are solved with it. Where conjugate gradients solve, a solution with that matrix from a start
+//! that is orthogonal to no direction in particular tells whether it is definite, and a factor is asked for counts alone. Counts of LDLᵀ are those of the whole matrix, however its parts are
 //! solved with.
 
 use super::{Kind, LinearSolver};
@@ -21,7 +22,7 @@ impl LinearSolver {
     pub fn is_definite(&self) -> Option<bool> {
         match &self.kind {
             Kind::Condensed(c) => c.is_definite(),
-            _ if self.iterative.is_some() => Some(true),
+            _ if self.iterates() => (!self.iterates_on_tangents()).then_some(true),
             _ => self.solver.as_ref().and_then(|solver| solver.is_definite()),
         }
     }
@@ -73,6 +74,10 @@ impl LinearSolver {
     /// The signs of the eigenvalues of a symmetric matrix over the unknowns of this solver; `None` where its factor does not
     /// fit into the memory.
     pub fn inertia(&mut self, matrix: &Csr) -> Option<Inertia> {
+        if self.looks_definite(matrix) == Some(true) {
+            self.symmetric = self.may_be_symmetric;
+            return Some(Inertia { positive: matrix.n_rows(), ..Inertia::default() });
+        }
         match self.cholesky(matrix) {
             Ok(made) => {
                 if matches!(self.kind, Kind::Full { .. }) && self.may_be_symmetric && !self.symmetric {

@@ -48,6 +48,26 @@ impl<F: FnMut(&[f64], &mut [f64])> Operator for F {
     }
 }
 
+/// When a solution is good enough: with whichever comes first.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Goal<'a> {
+    /// Error relative to the solution, in the norm of energy.
+    pub(super) error: f64,
+    /// 2-norm of the residual in scaled equations, by equation their scale; zero for a solution that is judged by its error
+    /// alone.
+    pub(super) left: f64,
+    pub(super) scale: &'a [f64],
+    /// Most iterations.
+    pub(super) most: usize,
+}
+
+impl Goal<'_> {
+    /// Whether so small an error, or this residual, is good enough.
+    fn is_met(&self, error: f64, residual: &[f64]) -> bool {
+        error <= self.error || self.left > 0.0 && scaled_norm(residual, self.scale) <= self.left
+    }
+}
+
 /// Work space.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ConjugateGradients {
@@ -63,15 +83,14 @@ impl ConjugateGradients {
         &self.r
     }
 
-    /// Solves `A x = b` from zero until the error is `tolerance` of the solution, in the norm of energy.
+    /// Solves `A x = b` from zero until the goal is met.
     pub(super) fn solve(
         &mut self,
         a: &mut dyn Operator,
         m: &mut dyn Operator,
         b: &[f64],
         x: &mut [f64],
-        tolerance: f64,
-        most: usize,
+        goal: Goal<'_>,
     ) -> Outcome {
         let n = b.len();
         for vector in [&mut self.r, &mut self.z, &mut self.p, &mut self.q] {
@@ -103,11 +122,11 @@ impl ConjugateGradients {
             let next = dot(&self.r, &self.z);
             let beta = -alpha * dot(&self.z, &self.q) / rz;
             let error = (next.max(0.0) / energy).sqrt();
-            if error <= tolerance {
+            if goal.is_met(error, &self.r) {
                 return ended(iterations, Ending::Converged, error);
             }
             errors.push(error);
-            let is_slow = iterations >= most || is_hopeless(&errors, tolerance, most);
+            let is_slow = iterations >= goal.most || is_hopeless(&errors, goal.error, goal.most);
             if is_slow || !error.is_finite() {
                 return ended(iterations, Ending::TooSlow, error);
             }
@@ -130,6 +149,13 @@ fn is_hopeless(errors: &[f64], tolerance: f64, most: usize) -> bool {
     let (before, now) = (smallest(&errors[..n - WINDOW]), smallest(&errors[n - WINDOW..]));
     let needed = (now / tolerance).ln() / (before / now).ln() * WINDOW as f64;
     now >= before || needed > (most - n) as f64
+}
+
+/// 2-norm of a residual in scaled equations, in one order for any number of threads.
+pub(super) fn scaled_norm(residual: &[f64], scale: &[f64]) -> f64 {
+    let part = |(r, s): (&[f64], &[f64])| r.iter().zip(s).map(|(r, s)| (r * s) * (r * s)).sum::<f64>();
+    let parts: Vec<f64> = residual.par_chunks(CHUNK).zip(scale.par_chunks(CHUNK)).map(part).collect();
+    parts.iter().sum::<f64>().sqrt()
 }
 
 /// `y = y + factor x`.

@@ -6,7 +6,7 @@
 //! memory grow as the number of unknowns does.
 //!
 //! `solver` is the door, `cycle` that of other solvers, `hierarchy` makes the levels and goes through them, `level` smooths, `aggregate`,
-//! `prolongation` and `galerkin` make a coarser level, `blocks` and `nodes` hold matrices by nodes.
+//! `prolongation` and `galerkin` make a coarser level, `wear` says how long levels serve, `blocks` and `nodes` hold matrices by nodes.
 //!
 //! Promises: the same bits for any number of threads; a solution only with a small true residual. Does not know meshes and
 //! forms: which unknowns belong to a node, where nodes are and how elements of degree 1 move them is told by plain numbers
@@ -24,6 +24,7 @@ mod prolongation;
 mod solver;
 #[cfg(test)]
 mod tests;
+mod wear;
 
 pub(super) use cycle::Cycle;
 pub use nodes::{Interpolation, NearNullSpace, NodeLayout};

@@ -8,10 +8,11 @@ use std::sync::Arc;
 use super::super::backward_error::{BackwardErrorCheck, inverse_norm_estimate};
 use super::super::symmetry::check_symmetry;
 use super::super::{LinearSolver, SolveError, SolveReport, SolverOptions};
-use super::conjugate_gradients::{ConjugateGradients, Ending, Outcome};
+use super::conjugate_gradients::{ConjugateGradients, Ending, Goal, Outcome, scaled_norm};
 use super::cycle::Cycle;
 use super::level::dot;
 use super::nodes::NodeLayout;
+use super::wear::Wear;
 use crate::csr::Csr;
 
 /// Energy norm of the error that is left, relative to the solution: a hundredth of the relative residual at which
@@ -19,6 +20,11 @@ use crate::csr::Csr;
 const ERROR: f64 = 1e-12;
 /// Most iterations of one solution. A factor is worth more than several hundred cycles wherever it fits.
 const MOST: usize = 600;
+/// Most iterations with the levels of an earlier matrix: new ones, which cost some ten iterations, do better then.
+const MOST_OF_KEPT: usize = 80;
+/// Error of the solution that looks for a direction of negative energy. A negative eigenvalue lies apart from those that the
+/// levels bring near one, and Lanczos' method, of which this is a form, has found it in as many iterations.
+const PROBED: f64 = 1e-8;
 /// Times that a solution is continued from its true residual.
 const RESTARTS: usize = 3;
 /// A true residual that differs by this part from that of the recursion is a new start.
@@ -32,6 +38,7 @@ pub struct CheckedMultigrid {
     check: BackwardErrorCheck,
     loaded: Option<Loaded>,
     iteration: ConjugateGradients,
+    wear: Wear,
 }
 
 /// A matrix with its levels.
@@ -39,6 +46,8 @@ struct Loaded {
     matrix: Arc<Csr>,
     threads: usize,
     cycle: Cycle,
+    /// The levels are those of an earlier matrix.
+    is_kept: bool,
 }
 
 impl Loaded {
@@ -51,7 +60,7 @@ impl CheckedMultigrid {
     /// Prepares for matrices with this layout; the levels are made with the matrix.
     pub fn new(layout: NodeLayout, options: SolverOptions) -> Self {
         let check = BackwardErrorCheck::new(layout.places.len(), options);
-        Self { layout, check, loaded: None, iteration: ConjugateGradients::default() }
+        Self { layout, check, loaded: None, iteration: ConjugateGradients::default(), wear: Wear::default() }
     }
 
     /// Number of unknowns by level, the finest first; empty without a matrix.
@@ -69,15 +78,65 @@ impl CheckedMultigrid {
     /// # Errors
     /// As [`LinearSolver::factor`].
     pub fn take(&mut self, matrix: Arc<Csr>) -> Result<(), SolveError> {
-        self.loaded = None;
+        (self.loaded, self.wear) = (None, Wear::default());
         self.layout.check(&matrix)?;
         self.check.set_matrix(&[&matrix])?;
         check_symmetry(&matrix)?;
         let cycle = Cycle::new(&[&matrix], &self.layout)?;
-        let mut loaded = Loaded { threads: self.check.options().threads, matrix, cycle };
+        let mut loaded = Loaded { threads: self.check.options().threads, matrix, cycle, is_kept: false };
         self.look_for_null_vector(&mut loaded)?;
         self.loaded = Some(loaded);
         Ok(())
+    }
+
+    /// Takes a matrix and keeps the levels of an earlier one, as long as new ones would cost more than is lost with these; false
+    /// where it needs levels of its own.
+    ///
+    /// # Errors
+    /// As [`LinearSolver::factor`].
+    pub fn keep_levels(&mut self, matrix: &Arc<Csr>) -> Result<bool, SolveError> {
+        if self.wear.is_over() {
+            return Ok(false);
+        }
+        let Some(loaded) = &mut self.loaded else { return Ok(false) };
+        self.check.set_matrix(&[matrix])?;
+        check_symmetry(matrix)?;
+        (loaded.matrix, loaded.is_kept) = (Arc::clone(matrix), true);
+        Ok(true)
+    }
+
+    /// The next matrix gets levels of its own.
+    pub fn expire(&mut self) {
+        self.wear.expire();
+    }
+
+    /// Whether the levels in use are those of an earlier matrix.
+    #[must_use]
+    pub fn has_kept_levels(&self) -> bool {
+        self.loaded.as_ref().is_some_and(|loaded| loaded.is_kept)
+    }
+
+    /// Whether a matrix is positive definite, as far as a solution from a start that is orthogonal to no direction in particular
+    /// tells; the levels at hand serve, and have as many negative directions as they should: none. `None` where there are no
+    /// levels, or the iteration does not get to its end.
+    ///
+    /// # Errors
+    /// As [`LinearSolver::factor`].
+    pub fn looks_definite(&mut self, matrix: &Csr) -> Result<Option<bool>, SolveError> {
+        let Some(loaded) = &mut self.loaded else { return Ok(None) };
+        self.layout.check(matrix)?;
+        let n = matrix.n_rows();
+        let rhs: Vec<f64> = (1..=n).map(|i| (i as f64 * 0.618_033_988_749_894_9).fract() - 0.5).collect();
+        let (threads, places, cycle) = (loaded.threads, &self.layout.places, &mut loaded.cycle);
+        let mut multiply = |x: &[f64], y: &mut [f64]| matrix.multiply(x, y, threads);
+        let mut precondition = |r: &[f64], z: &mut [f64]| cycle.apply(places, r, z);
+        let goal = Goal { error: PROBED, left: 0.0, scale: &[], most: MOST };
+        let mut x = vec![0.0; n];
+        Ok(match self.iteration.solve(&mut multiply, &mut precondition, &rhs, &mut x, goal).ending {
+            Ending::Converged => Some(true),
+            Ending::NotPositiveDefinite => Some(false),
+            Ending::TooSlow => None,
+        })
     }
 
     /// The error for a matrix whose coarsest level looks singular, if it is singular itself.
@@ -89,12 +148,16 @@ impl CheckedMultigrid {
         }
     }
 
-    fn iterate(&mut self, loaded: &mut Loaded, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Outcome {
-        let places = &self.layout.places;
+    /// Solves until the error, or the scaled residual, is no more than this part of what it is at the start (zero for a residual
+    /// that is not asked about).
+    fn iterate(&mut self, loaded: &mut Loaded, rhs: &[f64], x: &mut [f64], [error, left]: [f64; 2]) -> Outcome {
+        let (places, scale) = (&self.layout.places, self.check.scale());
+        let most = if loaded.is_kept { MOST_OF_KEPT } else { MOST };
+        let left = if left > 0.0 { left * scaled_norm(rhs, scale) } else { 0.0 };
         let cell = std::cell::RefCell::new(loaded);
         let mut multiply = |x: &[f64], y: &mut [f64]| cell.borrow().multiply(x, y);
         let mut precondition = |r: &[f64], z: &mut [f64]| cell.borrow_mut().cycle.apply(places, r, z);
-        self.iteration.solve(&mut multiply, &mut precondition, rhs, x, tolerance, MOST)
+        self.iteration.solve(&mut multiply, &mut precondition, rhs, x, Goal { error, left, scale, most })
     }
 
     /// As [`LinearSolver::solve`], but an error of `tolerance` (energy norm, relative) is good enough.
@@ -104,7 +167,18 @@ impl CheckedMultigrid {
     /// iteration showed that a factor is needed.
     pub fn solve_to(&mut self, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<SolveReport, SolveError> {
         let Some(mut loaded) = self.loaded.take() else { return Err(SolveError::NotFactored) };
-        let result = self.solve_with(&mut loaded, rhs, x, tolerance.max(ERROR));
+        let result = self.solve_with(&mut loaded, rhs, x, [tolerance.max(ERROR), 0.0]);
+        self.loaded = Some(loaded);
+        result
+    }
+
+    /// As [`LinearSolver::solve`], but a residual of `left` of the right-hand side is good enough (2-norms of scaled equations).
+    ///
+    /// # Errors
+    /// As [`Self::solve_to`].
+    pub fn solve_until(&mut self, rhs: &[f64], x: &mut [f64], left: f64) -> Result<SolveReport, SolveError> {
+        let Some(mut loaded) = self.loaded.take() else { return Err(SolveError::NotFactored) };
+        let result = self.solve_with(&mut loaded, rhs, x, [ERROR, left]);
         self.loaded = Some(loaded);
         result
     }
@@ -114,18 +188,19 @@ impl CheckedMultigrid {
         loaded: &mut Loaded,
         rhs: &[f64],
         x: &mut [f64],
-        tolerance: f64,
+        [error, asked]: [f64; 2],
     ) -> Result<SolveReport, SolveError> {
         self.check.check_rhs(rhs, x)?;
         x.fill(0.0);
         if rhs.iter().all(|value| *value == 0.0) {
             return Ok(SolveReport::default());
         }
-        let (mut iterations, mut wanted, mut left) = (0, tolerance, rhs.to_vec());
+        let (mut iterations, mut wanted, mut left) = (0, error, rhs.to_vec());
+        let tolerance = if asked > 0.0 { asked } else { error };
         let (mut part, mut product) = (vec![0.0; x.len()], vec![0.0; x.len()]);
         let mut before = norm(rhs);
         for round in 0..=RESTARTS {
-            let outcome = self.iterate(loaded, &left, &mut part, wanted);
+            let outcome = self.iterate(loaded, &left, &mut part, [wanted, asked * norm(rhs) / norm(&left)]);
             iterations += outcome.iterations;
             match outcome.ending {
                 Ending::Converged => {}
@@ -135,6 +210,9 @@ impl CheckedMultigrid {
                 Ending::NotPositiveDefinite => {
                     return Err(SolveError::NotPositiveDefinite { dof: 0, pivot: f64::NAN });
                 }
+            }
+            if round == 0 {
+                self.wear.hear(iterations, outcome.error);
             }
             x.iter_mut().zip(&part).for_each(|(x, part)| *x += part);
             loaded.multiply(x, &mut product);
@@ -170,7 +248,7 @@ impl LinearSolver for CheckedMultigrid {
         let n = loaded.matrix.n_rows();
         let mut solver = |_, x: &mut [f64]| {
             let rhs = x.to_vec();
-            self.iterate(&mut loaded, &rhs, x, ROUGH);
+            self.iterate(&mut loaded, &rhs, x, [ROUGH, 0.0]);
         };
         let inverse = inverse_norm_estimate(n, &mut solver);
         let estimate = inverse * loaded.matrix.norm_1();

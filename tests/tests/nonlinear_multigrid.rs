@@ -1,0 +1,188 @@
+//! Conjugate gradients with multigrid on the tangents of nonlinear bodies against factors: the same iterations of Newton, the
+//! same measures, the same bits for any number of threads; and what takes its place where it does not serve.
+
+use std::{path::Path, time::Instant};
+
+use wfl::{NoFiles, SourceMap, resolve};
+use wfl_jit::JitBackend;
+use wfl_runtime::{Outcome, Quiet, RunOptions, prepare, run};
+
+/// What a body is made of, and how it is held.
+struct Body<'a> {
+    /// Corner of the box, and its cells.
+    size: &'a str,
+    cells: &'a str,
+    space: &'a str,
+    nu: f64,
+    /// Loads and prescribed values.
+    held: &'a str,
+    steps: &'a str,
+}
+
+/// A neo-Hookean body between the faces `low` and `high`.
+fn text(body: &Body<'_>, linear: &str) -> String {
+    let Body { size, cells, space, nu, held, steps } = body;
+    format!(
+        "wfl 1\nparam E = 10\nparam nu = {nu} in 0..0.4999\ndef mu = E/(2*(1 + nu))\n\
+         def lambda = E*nu/((1 + nu)*(1 - 2*nu))\nmesh box [0,0,0] to {size} cells {cells}\n\
+         region low = faces where z == 0\nregion high = faces where z == 1\nunknown u : vector {space}\n\
+         steps t = {steps}\ndef F = Id(3) + Grad_u\n\
+         def P = mu*(F - Inv(F)') + lambda*log(Det(F))*Inv(F)'\nterm elastic on all : P:Grad_Test_u\n{held}\
+         measure energy = integral(mu/2*(F:F - 3 - 2*log(Det(F))) + lambda/2*log(Det(F))^2) on all\n\
+         measure far = max(Norm(u)) on all\nmeasure mean = mean(u.u) on all\nsolver linear with {linear}\n"
+    )
+}
+
+/// One end comes nearer and is sheared.
+const MOVED: &str = "fix u = [0,0,0] on low\nfix u = [t,0,-0.5*t] on high\n";
+/// Forces on one end.
+const PULLED: &str = "fix u = [0,0,0] on low\nload u = [2*t,t,6*t] on high\n";
+
+const BLOCK: Body<'_> = Body {
+    size: "[1,1,1]",
+    cells: "[9,9,9] hex",
+    space: "Q1",
+    nu: 0.3,
+    held: MOVED,
+    steps: "0.1 to 0.2 by 0.1",
+};
+
+fn outcome(text: &str, threads: usize) -> Outcome {
+    let mut sources = SourceMap::new();
+    let main = sources.add("scene.wfl", text.to_owned());
+    let script = resolve(&mut sources, main, &mut NoFiles, &[]);
+    assert!(script.diagnostics.is_empty(), "{:?}", script.diagnostics);
+    let backend = JitBackend::new().expect("machine code");
+    let made = prepare(&script.value.expect("a script"), Path::new("."), &backend);
+    let scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
+    let outcome = run(&scene, &RunOptions::without_files(threads, Instant::now()), &mut Quiet).expect("a run");
+    assert!(outcome.converged(), "{:?}", outcome.report.solver);
+    outcome
+}
+
+/// The solver in words, Newton's iterations by step, and measures by step.
+fn told(outcome: &Outcome) -> (String, Vec<usize>, Vec<Vec<f64>>) {
+    let iterations = |step: &wfl_runtime::StepResult| step.history.iterations.last().map_or(0, |last| last.number);
+    let values = |step: &wfl_runtime::StepResult| step.measures.iter().map(|(_, value)| *value).collect();
+    (
+        outcome.report.solver.clone().unwrap_or_default(),
+        outcome.steps.iter().map(iterations).collect(),
+        outcome.steps.iter().map(values).collect(),
+    )
+}
+
+/// Iterations of conjugate gradients for a solution, on average.
+fn for_a_solution(outcome: &Outcome) -> f64 {
+    let solves: Vec<usize> =
+        outcome.steps.iter().flat_map(|step| &step.history.solves).map(|solve| solve.krylov_iterations).collect();
+    #[expect(clippy::cast_precision_loss, reason = "counts")]
+    let mean = solves.iter().sum::<usize>() as f64 / solves.len().max(1) as f64;
+    mean
+}
+
+/// The iteration has the iterations of Newton that a factor has, and its measures to `within` of their size; the solver in words.
+fn agrees(body: &Body<'_>, within: f64) -> String {
+    let [factor, iteration] = ["direct", "cg, amg"].map(|linear| told(&outcome(&text(body, linear), 2)));
+    assert!(!factor.0.contains("multigrid") && iteration.0.contains("multigrid"), "{} / {}", factor.0, iteration.0);
+    assert_eq!(factor.1, iteration.1, "{}", iteration.0);
+    for (a, b) in factor.2.iter().flatten().zip(iteration.2.iter().flatten()) {
+        assert!((a - b).abs() <= within * a.abs(), "{a:e} with a factor, {b:e} by iteration ({})", iteration.0);
+    }
+    iteration.0
+}
+
+#[test]
+fn hexahedra_and_quadratic_tetrahedra_have_the_measures_of_factors() {
+    for (cells, space) in [("[9,9,9] hex", "Q1"), ("[5,4,4] tet", "P2")] {
+        for held in [MOVED, PULLED] {
+            let solver = agrees(&Body { cells, space, held, ..BLOCK }, 1e-9);
+            assert!(solver.contains("unknowns by level: ") && solver.contains(", "), "{solver}");
+            assert!(!solver.contains("in place of"), "{solver}");
+        }
+    }
+}
+
+#[test]
+fn contact_without_friction_has_symmetric_tangents_too() {
+    let held = "fix u = [0,0,0] on low\nload u = [0,0,6*t] on high\n\
+                term wall on high : 1000*pos_part(u(3) - 0.03)*Test_u(3)\n";
+    let solver = agrees(&Body { held, ..BLOCK }, 1e-9);
+    assert!(!solver.contains("in place of"), "{solver}");
+}
+
+#[test]
+fn the_bits_are_those_of_any_number_of_threads() {
+    let text = text(&Body { cells: "[5,4,4] tet", space: "P2", held: PULLED, ..BLOCK }, "cg, amg");
+    let [one, two, three] = [1, 2, 3].map(|threads| told(&outcome(&text, threads)));
+    assert_eq!(one, two);
+    assert_eq!(one, three);
+}
+
+/// A column under several times the load at which it buckles: the straight state has directions of negative energy.
+#[test]
+fn a_factor_takes_over_where_tangents_are_not_positive_definite() {
+    let held = "fix u = [0,0,0] on low\nfix u = [0,0,-0.2*t] on high\n";
+    let body = Body { size: "[0.06,0.06,1]", cells: "[3,3,60] hex", held, steps: "0.5 to 1 by 0.5", ..BLOCK };
+    let solver = agrees(&body, 1e-8);
+    assert!(solver.contains("a factor in place of conjugate gradients with multigrid"), "{solver}");
+}
+
+/// Bodies that are nearly incompressible, cells ten and a hundred times as long as wide: an answer, and a word where it is a
+/// factor's.
+#[test]
+fn hard_bodies_converge_or_say_what_took_over() {
+    let of = |size, cells, space, nu| Body { size, cells, space, nu, held: PULLED, ..BLOCK };
+    for body in [
+        of("[1,1,1]", "[5,4,4] tet", "P2", 0.49),
+        of("[1,1,1]", "[9,9,9] hex", "Q1", 0.49),
+        of("[10,10,1]", "[9,9,9] hex", "Q1", 0.3),
+        of("[10,10,1]", "[5,5,5] tet", "P2", 0.3),
+        of("[100,100,1]", "[9,9,9] hex", "Q1", 0.3),
+    ] {
+        agrees(&body, 1e-7);
+    }
+}
+
+#[test]
+fn a_plane_body_is_iterated_on_request() {
+    let scene = |linear: &str| {
+        format!(
+            "wfl 1\nmesh box [0,0] to [2,1] cells [60,30] quad\nregion low = faces where x == 0\n\
+             region high = faces where x == 2\nunknown u : vector\nsteps t = 0.1 to 0.2 by 0.1\ndef F = Id(2) + Grad_u\n\
+             term elastic on all : (4*(F - Inv(F)') + 6*log(Det(F))*Inv(F)'):Grad_Test_u\nfix u = [0,0] on low\n\
+             load u = [2*t,t] on high\nmeasure far = max(Norm(u)) on all\nmeasure mean = mean(u.u) on all\n\
+             solver linear with {linear}\n"
+        )
+    };
+    let [factor, iteration] = ["direct", "cg, amg"].map(|linear| told(&outcome(&scene(linear), 2)));
+    assert!(iteration.0.contains("multigrid") && !iteration.0.contains("in place of"), "{}", iteration.0);
+    assert_eq!(factor.1, iteration.1);
+    for (a, b) in factor.2.iter().flatten().zip(iteration.2.iter().flatten()) {
+        assert!((a - b).abs() <= 1e-9 * a.abs(), "{a:e} with a factor, {b:e} by iteration");
+    }
+}
+
+/// Prints the table of docs/solvers.md.
+#[test]
+#[ignore = "minutes, for a page"]
+fn iterations_by_refinement() {
+    let of = |size, space, nu| Body { size, space, nu, held: PULLED, ..BLOCK };
+    let cases = [
+        ("trilinear hexahedra", "hex", of("[1,1,1]", "Q1", 0.3)),
+        ("trilinear hexahedra, nu = 0.49", "hex", of("[1,1,1]", "Q1", 0.49)),
+        ("trilinear hexahedra, cells 10 times as long as wide", "hex", of("[10,10,1]", "Q1", 0.3)),
+        ("trilinear hexahedra, cells 100 times as long as wide", "hex", of("[100,100,1]", "Q1", 0.3)),
+        ("quadratic tetrahedra", "tet", of("[1,1,1]", "P2", 0.3)),
+        ("quadratic tetrahedra, nu = 0.49", "tet", of("[1,1,1]", "P2", 0.49)),
+    ];
+    for (name, kind, body) in cases {
+        let most = if kind == "hex" { 32 } else { 16 };
+        for n in [8, 16, 24, 32].into_iter().filter(|n| *n <= most) {
+            let cells = format!("[{n},{n},{n}] {kind}");
+            let made = outcome(&text(&Body { cells: &cells, ..body }, "cg, amg"), 2);
+            let solver = made.report.solver.clone().unwrap_or_default();
+            let way = if solver.contains("in place of") { "a factor took over" } else { "" };
+            println!("| {name} | {n} | {:.1} | {way} |", for_a_solution(&made));
+        }
+    }
+}
