@@ -27,6 +27,7 @@ mod interp;
 pub mod ir;
 mod jumps;
 mod law;
+mod linear;
 pub mod lookup;
 mod lower;
 mod math;
@@ -66,6 +67,7 @@ pub use gradient::{
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};
 pub use law::{Class, Kink, KinkKind, Listing, Prologue, TermLaw, ValueJump, ValueLaw, run_prologue};
+pub use linear::{Reading, compile_linear_part, compile_value_weights, is_affine};
 pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions, function_table};
 pub use print::{PrintLaw, compile_prints};

@@ -272,6 +272,12 @@ pub(crate) fn kink_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnostic>
 
 /// The law of a residual and its tangent.
 pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listing) -> TermLaw {
+    let degree = degree(&listing.graph, listing.residual.unwrap_or(listing.tangent), env.fields, place);
+    law_with(env.fields, name, listing, degree)
+}
+
+/// The same with the degree of its quadrature.
+pub(crate) fn law_with(fields: &[FieldSig], name: &str, listing: Listing, degree: Degree) -> TermLaw {
     let g = listing.graph.clone();
     let mut lowering = Lowering::new(&g);
     let residual = listing.residual.map(|r| lowering.lower(r).swap_remove(0)).unwrap_or_default();
@@ -293,11 +299,11 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
 
     let slots: Vec<InputSlot> = by_position(&lowering.slots.inputs);
     let uniform_slots: Vec<UniformSlot> = by_position(&lowering.slots.uniforms);
-    let changes = changes(env.fields, &lowering, &slots);
+    let changes = changes(fields, &lowering, &slots);
     let class = class_of(&changes, &fluxes, &pairs, &kinks);
     let tangent_has = |what: fn(&Changes) -> bool| pairs.values().any(|v| what(&changes[v.index()]));
 
-    let sizes = summand_sizes(env.fields, &tests, class, &mut lowering.scalars, &changes, &fluxes);
+    let sizes = summand_sizes(fields, &tests, class, &mut lowering.scalars, &changes, &fluxes);
     let mut emitter = Emitter::new(&lowering.scalars, slots.len());
     let residual_outputs: Vec<Val> = fluxes.iter().chain(&codes).copied().collect();
     let tangent_outputs: Vec<Val> = fluxes.iter().chain(pairs.values()).chain(&codes).copied().collect();
@@ -314,7 +320,7 @@ pub(crate) fn law_of(env: &Env<'_>, place: &PlaceSig, name: &str, listing: Listi
         symmetric: false,
         tangent_has_uniforms: tangent_has(|c| c.uniforms),
         tangent_reads_known: tangent_has(|c| c.known),
-        degree: degree(&g, listing.residual.unwrap_or(listing.tangent), env.fields, place),
+        degree,
         inputs: slots,
         prologue,
         tests,

@@ -176,10 +176,11 @@ pub fn kept(setting: &Setting) -> Result<Vec<Pruning>, KnobError> {
         let wrong = |needs| KnobError::Value { name: name.clone(), value: value.clone(), needs };
         match (name.as_str(), value.as_str()) {
             ("no_prune", "nothing") | ("solver", "auto" | "forces") => {}
-            ("no_prune", pruning) => list.push(
-                Pruning::named(pruning)
-                    .ok_or_else(|| wrong("nothing, constant, linear, condense, forces, symmetric or quadrature"))?,
-            ),
+            ("no_prune", pruning) => {
+                list.push(Pruning::named(pruning).ok_or_else(|| {
+                    wrong("nothing, constant, linear, condense, forces, symmetric, quadrature or past")
+                })?)
+            }
             ("solver", "condensed") => list.push(Pruning::Forces),
             ("solver", "full") => list.push(Pruning::Condense),
             ("solver", _) => {

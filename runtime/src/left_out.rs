@@ -71,6 +71,11 @@ fn by_class(system: &System) -> Vec<LeftOut> {
         let why = format!("{} linear terms are assembled once for all iterations and load steps", of(Class::Linear));
         list.push(LeftOut::new("linear terms once", why, Some(Pruning::Linear)));
     }
+    let by_past = system.terms_by_past().len();
+    if by_past > 0 {
+        let why = format!("{by_past} terms are linear in the past: matrices for all steps make it");
+        list.push(LeftOut::new("the past by matrices", why, Some(Pruning::Past)));
+    }
     list
 }
 

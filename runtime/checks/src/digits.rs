@@ -16,9 +16,9 @@ use wfl_newton::LinearSolver;
 const SAMPLES: u64 = 2;
 /// With a relative error this small after the first one that is all: a set of signs tells k digits too many with a chance of
 /// about 10^-k, and this is a thousandth of what is warned of.
-const CLEAR: f64 = 1e-6;
+pub(super) const CLEAR: f64 = 1e-6;
 /// Part of a right-hand side that its solution may leave: an estimate needs few digits, and an older factor serves.
-const LEFT: f64 = 1e-3;
+pub(super) const LEFT: f64 = 1e-3;
 
 /// What finite precision leaves of the unknowns of a step.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,7 +95,7 @@ fn disturbed(
 }
 
 /// 1 or -1, evenly (the finaliser of splitmix64, Steele, Lea and Flood 2014).
-fn sign(sample: u64, dof: u64) -> f64 {
+pub(super) fn sign(sample: u64, dof: u64) -> f64 {
     let mut z = (dof + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ sample.wrapping_mul(0xd1b5_4a32_d192_ed03);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -166,7 +166,7 @@ A knob is a parameter of the scenes, or one of
   precision=f64,f32+f64   of the factors of contact matrix and bulk
   solver=auto,condensed,full   auto: one contact force a pair of dofs; condensed: Schur complement on the contact dofs;
                                full: the whole tangent
-  no_prune=nothing,constant,linear,condense,forces,symmetric,quadrature   optimisations that are turned off
+  no_prune=nothing,constant,linear,condense,forces,symmetric,quadrature,past   optimisations that are turned off
 Lists: a,b,c; a..b:log5 and a..b:lin5 have five values with both ends. Several scenes are several methods.
 Results in DIR: sweep.csv with a row for each setting, failed ones included; sweep.html and an SVG file for each plot,
 made from this table. Rows that are already in the table are not run again.

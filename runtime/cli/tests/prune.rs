@@ -76,7 +76,8 @@ fn check_lists_what_is_left_out_with_its_switch() {
     let wrong = wfl(&["run", "poisson/poisson.wfl", "--no-prune", "everything"]);
     assert_eq!(wrong.status.code(), Some(1));
     assert!(
-        String::from_utf8_lossy(&wrong.stderr).contains("constant, linear, condense, forces, symmetric, quadrature")
+        String::from_utf8_lossy(&wrong.stderr)
+            .contains("constant, linear, condense, forces, symmetric, quadrature, past")
     );
 }
 

@@ -18,17 +18,20 @@ pub enum Pruning {
     Symmetric,
     /// Linear terms are integrated with the degree of their own integrands, not with the highest of the scene.
     Quadrature,
+    /// In scenes of many steps what terms and integrals are linear in is a matrix or a vector, made once.
+    Past,
 }
 
 impl Pruning {
     /// All of them.
-    pub const ALL: [Pruning; 6] = [
+    pub const ALL: [Pruning; 7] = [
         Pruning::Constant,
         Pruning::Linear,
         Pruning::Condense,
         Pruning::Forces,
         Pruning::Symmetric,
         Pruning::Quadrature,
+        Pruning::Past,
     ];
 
     /// Its name on the command line.
@@ -41,6 +44,7 @@ impl Pruning {
             Pruning::Forces => "forces",
             Pruning::Symmetric => "symmetric",
             Pruning::Quadrature => "quadrature",
+            Pruning::Past => "past",
         }
     }
 

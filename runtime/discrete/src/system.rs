@@ -9,6 +9,7 @@
 //! alone. Knows no contact, no solver and no iteration.
 
 mod cancelled;
+mod constants;
 mod equations;
 mod finite_strain;
 mod form;
@@ -18,6 +19,7 @@ mod known;
 mod linear;
 mod node_layout;
 mod numbering;
+mod past;
 mod positions;
 mod residual;
 mod shared;
@@ -27,12 +29,15 @@ mod tangent;
 
 use std::sync::{Arc, OnceLock};
 
+use constants::Steady;
 pub use finite_strain::FiniteStrain;
 pub use form::{ActiveSet, Branches, Form, LinearTerms, StateValues, TermBranches};
 pub use known::{Known, Past};
 use linear::LinearMatrix;
 pub use linear::Redistribution;
 pub use numbering::{FIXED, Numbering, Tie};
+use past::PastMatrices;
+pub use past::{PastForm, is_affine_in_the_past, is_of_rates, readings, stays};
 use positions::Placed;
 pub use residual::Residual;
 use shared::Counts;
@@ -40,7 +45,7 @@ use sizes::meeting_fields;
 use tangent::SceneAxes;
 pub use tangent::{StandIn, Tangent};
 use thiserror::Error;
-use wfl_compiler::{Class, types::InputSlot};
+use wfl_compiler::Class;
 
 use crate::assemble::{AssembledTerm, TermError};
 use crate::field::Field;
@@ -57,15 +62,6 @@ fn forget(terms: &mut [AssembledTerm], class: Class) {
     for term in terms.iter_mut().filter(|t| t.law.class == class) {
         Arc::make_mut(&mut term.law).class = Class::Nonlinear;
     }
-}
-
-/// What terms give at the state zero where neither known fields nor the past enter.
-#[derive(Clone)]
-struct Steady {
-    /// By such term: the uniforms that it was evaluated with.
-    uniforms: Vec<Vec<f64>>,
-    /// Their sum by dof.
-    sum: Vec<f64>,
 }
 
 /// A term whose branches are data: what takes the place of a term with projections while its active set is frozen.
@@ -103,12 +99,17 @@ pub struct System {
     /// Where they are summed before they are rotated; `None` without local frames and dofs that follow others.
     scene_axes: Option<Arc<SceneAxes>>,
     constant: Vec<f64>,
+    /// By dof, what rounding of `constant` is relative to.
+    constant_sizes: Vec<f64>,
     /// By field: it acts on free dofs.
     loaded: Vec<bool>,
     /// The state at which `constant` is what affine terms give; empty for zero.
     base: Vec<f64>,
-    /// What of it stays from step to step.
-    steady: Option<Steady>,
+    /// What of it stays from step to step: of terms that read the step variable, and of the others.
+    steady: Option<[Steady; 2]>,
+    /// The derivatives of terms whose constants are made by matrices, and these once they are assembled.
+    past_forms: Vec<PastForm>,
+    past_matrices: Option<Arc<PastMatrices>>,
     /// By field: the first field of those whose forces meet on interfaces.
     meets: Vec<usize>,
     /// Of the mesh along the axis where it is the largest.
@@ -157,10 +158,13 @@ impl System {
             bulk: Arc::new(nothing(n_free)),
             changing: Arc::new(Pattern::empty(n_free, n_free)),
             scene_axes: None,
+            constant_sizes: constant.clone(),
             constant,
             loaded,
             base: Vec::new(),
             steady: None,
+            past_forms: Vec::new(),
+            past_matrices: None,
             meets,
             extent,
             placed,
@@ -324,7 +328,6 @@ impl System {
     pub fn begin_step(&mut self, time: f64, increment: f64) -> Result<bool, SystemError> {
         self.set_laws(time, increment);
         let zero = vec![0.0; self.numbering.n_dofs];
-        let before = self.steady.take();
         let linear = self.is_linear();
         let (start, held) = match (&self.known.rates, &self.known.previous) {
             (Some(rates), Some(past)) => match rates.predicted(&past.unknowns).filter(|_| linear) {
@@ -337,39 +340,12 @@ impl System {
         if own.is_some() {
             self.set_laws(time, increment);
         }
-        let base = if start.is_empty() { &zero } else { &start };
-        let is_steady = |t: &AssembledTerm| start.is_empty() && self.is_steady(t);
-        let at_base = |out: &mut Vec<f64>, which: &dyn Fn(&AssembledTerm) -> bool| {
-            let values = self.values(base);
-            let mut terms = self.affine_terms().filter(|t| which(t));
-            terms.try_for_each(|term| self.add_own(term, values.view(), out).map(drop))
-        };
-        let uniforms: Vec<Vec<f64>> =
-            self.affine_terms().filter(|t| is_steady(t)).map(|t| t.uniforms().to_vec()).collect();
-        let steady = match before {
-            Some(before) if before.uniforms == uniforms => before,
-            _ => {
-                let mut sum = zero.clone();
-                at_base(&mut sum, &|t| is_steady(t))?;
-                Steady { uniforms, sum }
-            }
-        };
-        let (mut constant, mut loaded) = (steady.sum.clone(), Vec::new());
-        // loads first, so that what they act on is known also where constants hold the past
-        let is_load = |t: &AssembledTerm| t.law.class == Class::Constant && self.is_steady(t);
-        for loads in [true, false] {
-            at_base(&mut constant, &|t| !is_steady(t) && is_load(t) == loads)?;
-            if loads {
-                loaded = self.loaded_by(&constant);
-            }
-        }
-        self.add_redistributed_at(base, &mut constant);
+        let constants = self.sum_constants(start, &zero);
         if own.is_some() {
             self.known.rates = own;
             self.set_laws(time, increment);
         }
-        (self.constant, self.steady, self.base) = (constant, Some(steady), start);
-        self.loaded = loaded;
+        constants?;
         let stale = self.linear_is_stale();
         if stale {
             self.assemble_linear(&zero)?;
@@ -394,19 +370,6 @@ impl System {
         self.numbering.follow(u);
     }
 
-    fn affine_terms(&self) -> impl Iterator<Item = &AssembledTerm> {
-        self.terms.iter().filter(|t| t.law.class <= Class::Linear)
-    }
-
-    /// Whether what a term gives at the state zero depends on its uniforms alone.
-    fn is_steady(&self, term: &AssembledTerm) -> bool {
-        term.law.inputs.iter().all(|input| match input {
-            InputSlot::Previous(_) | InputSlot::History(..) => false,
-            InputSlot::Field(slot) => self.numbering.starts[slot.field.index()].is_some(),
-            _ => true,
-        })
-    }
-
     /// Takes dofs out of the system and lets others follow their leaders; `frames` are those of all nodes that have one.
     ///
     /// # Errors
@@ -422,7 +385,7 @@ impl System {
         numbering.fix(dofs);
         numbering.tie(ties);
         self.share_again();
-        (self.linear, self.steady) = (None, None);
+        (self.linear, self.steady, self.past_matrices) = (None, None, None);
         self.bulk = Arc::new(nothing(self.numbering.n_free()));
         self.locate()
     }

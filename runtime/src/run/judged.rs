@@ -74,14 +74,19 @@ impl Run {
         let left = history.iterations.last().map_or(0.0, |i| i.residual);
         // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
         let is_solved = !history.solves.is_empty();
-        let mut digits = || if is_solved { checks::digits(state, solver, history.correction) } else { None };
+        let due = checks::is_due(self.steps.len(), scene.steps.is_last(self.steps.len(), system.step().0));
+        let (response, often) = (&mut self.stepper.response, scene.steps.are_many_and_equal() && !due);
+        let mut digits = || match history.correction {
+            _ if !is_solved => None,
+            None if often => checks::bound(response, state, solver).or_else(|| checks::digits(state, solver, None)),
+            correction => checks::digits(state, solver, correction),
+        };
         let (accuracy, conditions) = if system.team().is_alone() {
             rayon::join(digits, || checks::conditions(state, left))
         } else {
             // ranks exchange numbers in one order
             (digits(), checks::conditions(state, left))
         };
-        let due = checks::is_due(self.steps.len(), scene.steps.is_last(self.steps.len(), system.step().0));
         let mut found = checks::balance(state, scene.newton.tolerance, due.then_some(&self.turning));
         found.extend(conditions.checks);
         let (narrow, zigzags) = (conditions.narrow, conditions.zigzags);

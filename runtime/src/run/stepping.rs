@@ -18,7 +18,7 @@ use thiserror::Error;
 
 use crate::{
     assemble::BranchCounts,
-    checks::explained,
+    checks::{Response, explained},
     newton::{LinearSolver, LoadStep, NewtonError, NewtonOptions, Rounding, Spent, StepHistory, solve_step},
     rates::Rates,
     run::{
@@ -94,6 +94,8 @@ pub(super) struct Target<'a> {
 /// Solves steps one after the other and remembers how large their parts may be.
 pub(super) struct Stepper {
     pub(super) solver: Option<LinearSolver>,
+    /// What rounding of linear equations makes of the unknowns, for the matrix of the last step.
+    pub(super) response: Option<Response>,
     /// The tangent that was assembled last.
     pub(super) tangent: Option<Tangent>,
     /// The residual at the state that the last attempt reached, if it is at hand.
@@ -129,6 +131,7 @@ impl Stepper {
     pub(super) fn new(solver_options: SolverOptions) -> Self {
         Self {
             solver: None,
+            response: None,
             tangent: None,
             residual: None,
             linear: LinearTerms::ByMatrix,

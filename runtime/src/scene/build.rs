@@ -35,7 +35,7 @@ use crate::{
     pruning::Pruning,
     rates::Scheme,
     results::SampledPiece,
-    system::{FrozenTerm, Known, Numbering, Past, System},
+    system::{FrozenTerm, Known, Numbering, Past, PastForm, System},
 };
 
 /// Makes the problem of a script; `part` on one of several ranks that has a part of the mesh.
@@ -166,6 +166,8 @@ struct Values {
     start_rates: Vec<(usize, Given)>,
     integration: Integration,
     data: Vec<(usize, Given)>,
+    /// The derivatives of terms in the past.
+    past: Vec<PastForm>,
     measures: Vec<Measure>,
     watched: Vec<Measure>,
     computed: Vec<Computed>,
@@ -267,6 +269,7 @@ impl Builder<'_> {
                 prescribed: &numbered.prescribed,
                 integration: &integration,
             },
+            often: !self.keep.contains(&Pruning::Past) && steps.as_ref().is_some_and(Steps::are_many),
         };
         let measures = self.measures(&self.script.measures, from);
         // names of measures are told apart by what they belong to
@@ -287,7 +290,24 @@ impl Builder<'_> {
         rest::expects(self.script, self.params, self.env.dim, self.diagnostics);
         self.table_inputs();
         let tables = steps.as_ref().map_or_else(Default::default, |s| self.tables(s));
-        Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, watched, computed, tables }
+        let past = match &numbered.assembled {
+            Some(made) => self.past_forms(made, &numbered.numbering, steps.as_ref(), &integration),
+            None => Vec::new(),
+        };
+        Values {
+            steps,
+            newton,
+            accuracy,
+            starts,
+            start_rates,
+            integration,
+            data,
+            past,
+            measures,
+            watched,
+            computed,
+            tables,
+        }
     }
 
     /// The fields whose values in time have an error: those with a past. Beside unknowns that have one, a state that no term
@@ -307,9 +327,9 @@ impl Builder<'_> {
 
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
-        let Numbered { numbering, mut prescribed, states, used, rates, past, assembled } = numbered;
-        let reads_past = !past.is_empty() || values.read_past();
-        let Values { steps, newton, accuracy, starts, start_rates, integration, data, measures, .. } = values;
+        let Numbered { numbering, mut prescribed, states, used, rates, past: fields_in_past, assembled } = numbered;
+        let reads_past = !fields_in_past.is_empty() || values.read_past();
+        let Values { steps, newton, accuracy, starts, start_rates, integration, data, past, measures, .. } = values;
         let (watched, computed, tables) = (values.watched, values.computed, values.tables);
         let Outputs { vtk, csv, series, .. } = outputs;
         let Assembled { terms, summaries, contact } = assembled?;
@@ -325,7 +345,8 @@ impl Builder<'_> {
         let made = System::new(self.mesh, self.fields, numbering, terms, known)
             .and_then(|system| with_contact(system, contact, self.keep, within(&steps)));
         let sides = idle::Sides { topology: &self.topology, mappings: self.mappings };
-        let (system, contact, idle) = without_idle(made, self.script, sides, self.diagnostics)?;
+        let (mut system, contact, idle) = without_idle(made, self.script, sides, self.diagnostics)?;
+        system.plan_past(past);
         Some(Scene {
             explicit: None,
             energy: integration.energy,

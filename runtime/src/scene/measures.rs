@@ -21,6 +21,7 @@ use super::{
     rule_choice::states_read,
     sampling::parts,
     terms::{self, PointsOf},
+    weights::{self, Weights},
 };
 use crate::{
     assemble::Domain,
@@ -43,6 +44,8 @@ const PARTS_BESIDE_NODES: usize = 8;
 pub(super) struct From<'a> {
     pub(super) rules: &'a terms::Rules,
     pub(super) held: Held<'a>,
+    /// Each is taken at many steps.
+    pub(super) often: bool,
 }
 
 impl Builder<'_> {
@@ -104,9 +107,30 @@ impl Builder<'_> {
                 },
                 reduction => Taken::Points(reduction, self.at_points(measure, from.rules)),
             };
-            out.push(Measure { name: measure.name.name.clone(), taken, span: measure.expr.span });
+            let weights =
+                if from.often { self.linear_weights(measure, &taken, &from.held.numbering.starts) } else { None };
+            out.push(Measure { name: measure.name.name.clone(), taken, weights, span: measure.expr.span });
         }
         out
+    }
+
+    /// What makes a product with a vector of an integral over one region that is linear in the unknowns.
+    fn linear_weights(&mut self, measure: &wfl::Measure, taken: &Taken, starts: &[Option<usize>]) -> Option<Weights> {
+        let Taken::Points(Reduction::Integral | Reduction::Mean, parts) = taken else { return None };
+        let ([(value, sampled)], [place]) = (parts.as_slice(), measure.places.as_slice()) else { return None };
+        if sampled.moves() || value.law.mapping.is_some() || !weights::is_linear(&value.law, &self.fields) {
+            return None;
+        }
+        let (sig, _) = self.term_maker().place(place)?;
+        let laws = weights::laws(self.env, &sig, &measure.name.name, &measure.expr);
+        let of = (&self.mesh, &self.fields[..], starts);
+        match Weights::new(laws, &sampled.domain, of, self.batch) {
+            Ok(made) => made,
+            Err(e) => {
+                self.diagnostics.push(Diagnostic::new(Code::E609, e.to_string()).at(measure.expr.span, ""));
+                None
+            }
+        }
     }
 
     /// The expression of a measure at the points where it is taken.
@@ -301,7 +325,14 @@ impl Measure {
     #[must_use]
     pub fn evaluate(&self, at: &Measured<'_>) -> f64 {
         match &self.taken {
-            Taken::Points(reduction, parts) => reduced(*reduction, parts, at),
+            Taken::Points(reduction, parts) => match (&self.weights, parts.as_slice()) {
+                (Some(weights), [(value, sampled)]) => match (weights.sums(at, (value, sampled)), reduction) {
+                    (Some([sum, size]), Reduction::Mean) => sum / size,
+                    (Some([sum, _]), _) => sum,
+                    (None, _) => reduced(*reduction, parts, at),
+                },
+                _ => reduced(*reduction, parts, at),
+            },
             Taken::Reaction(reaction) => reaction.value(at),
             Taken::Balance(balanced) => balanced.value(at),
         }

@@ -44,6 +44,7 @@ mod normals;
 mod options;
 mod outputs;
 mod part;
+mod past;
 mod place;
 mod point_loads;
 mod quantities;
@@ -62,6 +63,7 @@ mod surfaces;
 mod tables;
 mod terms;
 mod twice;
+mod weights;
 mod zero_loads;
 
 use std::{
@@ -137,6 +139,8 @@ pub struct Measure {
     /// Its name.
     pub name: String,
     taken: Taken,
+    /// Of an integral that is linear in the unknowns, in a scene of many steps.
+    weights: Option<weights::Weights>,
     pub(crate) span: wfl::Span,
 }
 

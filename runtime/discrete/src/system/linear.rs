@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use wfl_compiler::Class;
+use wfl_compiler::{Class, TermLaw};
 use wfl_sparse::csr::{
     Csr, CsrError, Outside, Pattern, PatternBuilder, Restriction, product_and_size, product_and_sizes,
 };
 
-use super::{System, SystemError, pattern};
+use super::{System, SystemError, past::stays, pattern};
 use crate::assemble::AssembledTerm;
 
 /// The matrix of the linear terms by dof, in the axes of the scene.
@@ -45,6 +45,13 @@ impl Redistribution {
 impl System {
     pub(super) fn linear_terms(&self) -> impl Iterator<Item = &AssembledTerm> {
         self.terms.iter().filter(|t| t.law.class == Class::Linear)
+    }
+
+    /// Whether all equations are linear, and their matrix stays while the increment of the step variable does.
+    #[must_use]
+    pub fn bulk_stays(&self) -> bool {
+        let stays = |law: &TermLaw| !law.tangent_reads_known && !(law.tangent_has_uniforms && !stays(&law.prologue));
+        self.is_linear() && self.linear_terms().all(|t| stays(&t.law))
     }
 
     /// Whether the matrix of the linear terms is not that of the present step.

@@ -34,7 +34,7 @@ impl System {
         self.check_finite("value", u, u)?;
         let mut out = self.constant.clone();
         let mut sum = Residual {
-            linear_sizes: self.constant.iter().map(|x| x.abs()).collect(),
+            linear_sizes: self.constant_sizes.clone(),
             forces: self.largest_by_field(&self.constant),
             linear: form.linear,
             ..Residual::default()

@@ -89,7 +89,8 @@ impl System {
     pub(super) fn share_again(&mut self) {
         let Some(part) = self.mesh.part() else { return };
         self.share = Some(Arc::new(Share::new(&self.mesh, part, &self.fields, &self.numbering)));
-        for term in self.terms.iter_mut().chain(self.frozen.iter_mut().map(|f| &mut f.form)) {
+        let past = self.past_forms.iter_mut().map(|f| &mut f.form);
+        for term in self.terms.iter_mut().chain(self.frozen.iter_mut().map(|f| &mut f.form)).chain(past) {
             term.forget_share();
         }
     }
