@@ -182,8 +182,9 @@ names in parentheses are those of the table and of histories.
 1. **Active-set iteration** (`active set`). Each projection t = P(x) of the scene (`pos_part`, `Ball_projection`) is
    replaced by t = P(t + c (x - t)), which is equivalent for every c > 0. The value t is stored at each integration
    point and eliminated there. The factor c is chosen such that c dx/du is the stiffness of the bodies. The choice of
-   the active set then does not depend on gamma, and a slipping point first sticks before it slips in the opposite
-   direction. The first load step starts with all points in contact and sticking. If contact is stiff, the first three
+   the active set then does not depend on gamma. A point that slips sticks before it slips in the opposite direction,
+   however far its argument has come: where a load turns back, whole faces would else slip beyond where they came from
+   (`tests/tests/reversal.rs`). The first load step starts with all points in contact and sticking. If contact is stiff, the first three
    active sets are chosen face by face, because a sticking point unloads its neighbours, and the first two steps are
    undamped. Later load steps start from an active set that is extrapolated from the last two.
 2. **Line search on the complementarity defect.** The merit function is the sum of squares of t - P(t + c (x - t)),
