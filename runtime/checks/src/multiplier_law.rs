@@ -33,20 +33,28 @@ pub(super) struct LawDefect {
 
 impl Solved<'_> {
     /// What is left at the points of the laws with kinks of each multiplier. Multipliers whose forces are below `least` of
-    /// the forces of the bodies are left out.
+    /// the forces of the bodies, or of what these are summed from, are left out: bodies that move without a load have forces
+    /// that are rounding.
     pub(super) fn law_defects(&self, least: f64) -> Vec<LawDefect> {
         let multipliers =
             (0..self.system.fields.len()).filter(|k| self.system.fields[*k].kind == FieldKind::Multiplier);
-        let presses = |k: &usize| self.system.range(*k).is_some() && self.presses(*k, least);
-        multipliers.filter(presses).filter_map(|k| self.law_defect(k)).collect()
+        let unknown = |k: &usize| self.system.fields[*k].kind == FieldKind::Unknown;
+        let forces = (0..self.system.fields.len()).filter(unknown).map(|k| self.residual.forces[k]);
+        let ranges = (0..self.system.fields.len()).filter(unknown).filter_map(|k| self.system.range(k));
+        let summed = ranges.flat_map(|range| &self.residual.linear_sizes[range]).copied();
+        let beside = self.system.team().largest(forces.chain(summed).fold(0.0, f64::max));
+        let presses = |k: &usize| self.force_of(*k).is_none_or(|force| force > least * beside);
+        multipliers
+            .filter(|k| self.system.range(*k).is_some() && presses(k))
+            .filter_map(|k| self.law_defect(k))
+            .collect()
     }
 
-    /// True if the forces of a multiplier at some node are more than `least` of the largest of the unknowns.
-    fn presses(&self, field: usize, least: f64) -> bool {
+    /// The largest force of a multiplier at some node; `None` where the tangent has none, with what does not change.
+    fn force_of(&self, field: usize) -> Option<f64> {
         let slices = self.system.slices(self.u);
         let largest = self.system.team().largest(slices[field].iter().fold(0.0f64, |m, x| m.max(x.abs())));
         let unknown = |k: &usize| self.system.fields[*k].kind == FieldKind::Unknown;
-        let force = (0..self.system.fields.len()).filter(unknown).fold(0.0f64, |m, k| m.max(self.residual.forces[k]));
         let fields: Vec<usize> =
             self.system.numbering.free_dofs.iter().map(|d| self.system.field_of(*d as usize)).collect();
         let mut acts = 0.0f64;
@@ -56,7 +64,7 @@ impl Solved<'_> {
             acts = own.fold(acts, |m, (_, value)| m.max(value.abs()));
         }
         let acts = self.system.team().largest(acts);
-        acts == 0.0 || acts * largest > least * force
+        (acts > 0.0).then_some(acts * largest)
     }
 
     fn law_defect(&self, field: usize) -> Option<LawDefect> {
