@@ -8,9 +8,10 @@ use std::sync::Arc;
 use wfl_discrete::{pruning::Pruning, system::System};
 use wfl_host::memory::claim;
 use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, SolveError, SolverOptions};
+use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, Operator, SolveError, SolverOptions};
 
 use super::plan::{Extent, LinearPlan};
+use super::without_matrix;
 
 /// The number of unknowns of a mesh in three dimensions that the models below were measured with.
 const REFERENCE: f64 = 1e5;
@@ -47,6 +48,21 @@ impl Iterative {
         let mut solver = CheckedMultigrid::new(layout, options);
         solver.take(matrix)?;
         Ok(Self { solver })
+    }
+
+    /// Makes the levels of an operator; `None` where only a matrix can tell whether it is singular.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(super) fn of_operator(
+        layout: NodeLayout,
+        operator: Arc<dyn Operator>,
+        options: SolverOptions,
+    ) -> Result<Option<Self>, SolveError> {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
+        claim(without_matrix::bytes(operator.n_rows()) as u64, "the levels of multigrid")?;
+        let mut solver = CheckedMultigrid::new(layout, options);
+        Ok(solver.take_operator(operator)?.then_some(Self { solver }))
     }
 
     /// The solver behind it.
@@ -125,10 +141,11 @@ pub(super) fn plan(system: &System, method: LinearMethod, solutions: usize) -> O
         return None;
     }
     let n = system.n_unknowns();
+    let bytes = if without_matrix::pays(system) { without_matrix::bytes(n) } else { iteration(n, solutions).bytes };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
-    let size = |cost: Cost| cost.bytes as u64;
-    let in_place = (system.mesh.dim() == 3 && n >= SMALL).then(|| size(factor(n, solutions)));
-    Some(LinearPlan::Iterative(Extent::Foreseen((size(iteration(n, solutions)), in_place))))
+    let size = |bytes: f64| bytes as u64;
+    let in_place = (system.mesh.dim() == 3 && n >= SMALL).then(|| size(factor(n, solutions).bytes));
+    Some(LinearPlan::Iterative(Extent::Foreseen((size(bytes), in_place))))
 }
 
 #[cfg(test)]

@@ -25,7 +25,8 @@ use super::condensation::condenses;
 use super::filtered;
 use super::iterative::{self, Iterative};
 use super::library;
-use super::plan::{Extent, FactorKind, ITERATION, LinearPlan};
+use super::plan::{Extent, FactorKind, Held, ITERATION, LinearPlan};
+use super::without_matrix;
 use foreseen::groups;
 use wfl_compiler::types::FieldKind;
 
@@ -34,7 +35,7 @@ use wfl_discrete::system::{FIXED, System, Tangent};
 use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{
     CheckedAtPoints, DENSE_LIMIT, Elimination as Method, Equations, Kept, LinearMethod, LinearSolver as Factor, Linked,
-    Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
+    Operator, Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
 };
 
 enum Kind {
@@ -60,6 +61,8 @@ pub struct LinearSolver {
     iterative: Option<Iterative>,
     /// The matrix that it solves with, kept for the factor that takes its place where it fails.
     matrix: Option<Arc<Csr>>,
+    /// What it solves with in place of a matrix.
+    operator: Option<Arc<dyn Operator>>,
     /// What solves in place of factors of our own: a linked library, or our iteration for contact.
     library: Option<Linked>,
     /// What it is told.
@@ -96,6 +99,7 @@ impl LinearSolver {
             solver: None,
             iterative: None,
             matrix: None,
+            operator: None,
             library: options.library,
             equations: None,
             spare: None,
@@ -162,6 +166,13 @@ impl LinearSolver {
         }
     }
 
+    /// Whether the linear terms of a system are applied rather than assembled; then [`System::leave_matrix`] is for it, before its
+    /// first step.
+    #[must_use]
+    pub fn needs_no_matrix(system: &System, options: &SolverOptions) -> bool {
+        without_matrix::is_chosen(system, options)
+    }
+
     /// The solver that a system asks for; nothing is assembled for it. A linear part that turns out not to be positive
     /// definite changes it.
     #[must_use]
@@ -171,7 +182,7 @@ impl LinearSolver {
             return LinearPlan::Library(library.plan(&library::traits(system)));
         }
         if let Some(iterative) = iterative::plan(system, method, solutions) {
-            return iterative;
+            return without_matrix::plan(system, options, iterative);
         }
         if let Some(filtered) = filtered::plan(system, method, solutions) {
             return filtered;
@@ -197,7 +208,12 @@ impl LinearSolver {
     /// What solves now.
     fn method(&self) -> LinearPlan {
         if let Some(iterative) = &self.iterative {
-            return iterative.method();
+            let plan = iterative.method();
+            return if self.operator.is_some() {
+                LinearPlan::WithOperator(Box::new(plan), Held::Applied)
+            } else {
+                plan
+            };
         }
         if let (Some(Linked(library)), Some(equations)) = (self.library, &self.equations) {
             let found = self.solver.as_ref().and_then(|solver| solver.describe());
@@ -236,7 +252,7 @@ impl LinearSolver {
 
     /// Prepares for the one matrix of a linear scene.
     fn solve_one_matrix(&mut self, system: &System) -> Result<(), SolveError> {
-        (self.iterative, self.matrix) = (None, None);
+        (self.iterative, self.matrix, self.operator) = (None, None, None);
         if self.library.is_some() {
             self.tell_library(system);
             return self.factor(&system.new_tangent().changing);
@@ -250,7 +266,7 @@ impl LinearSolver {
                 other => return other,
             }
         }
-        match self.factor(system.bulk()) {
+        match self.factor(&*without_matrix::assembled(system)?) {
             Err(need @ SolveError::TooMuchMemory(_)) if method == LinearMethod::Auto && self.symmetric => {
                 self.solver = None;
                 self.notes.push(format!("no factor fits into the memory: {}", ITERATION));
@@ -262,7 +278,13 @@ impl LinearSolver {
 
     fn iterate(&mut self, system: &System) -> Result<(), SolveError> {
         let layout = iterative::layout(system).map_err(|_| SolveError::NotFactored)?;
-        let matrix = system.shared_bulk();
+        if let Some(operator) = system.operator()
+            && let Some(made) = Iterative::of_operator(layout.clone(), Arc::clone(&operator), self.options)?
+        {
+            (self.iterative, self.operator, self.solver) = (Some(made), Some(operator), None);
+            return Ok(());
+        }
+        let matrix = without_matrix::assembled(system)?;
         self.iterative = Some(Iterative::new(layout, Arc::clone(&matrix), self.options)?);
         self.matrix = Some(matrix);
         self.solver = None;
@@ -486,7 +508,8 @@ impl LinearSolver {
             ) => error,
             other => return other,
         };
-        let Some(matrix) = self.matrix.take() else { return Err(error) };
+        let assembled = self.operator.take().and_then(|operator| operator.matrix());
+        let Some(matrix) = self.matrix.take().or(assembled) else { return Err(error) };
         self.note_factor(&error);
         self.iterative = None;
         self.factor(&matrix)?;

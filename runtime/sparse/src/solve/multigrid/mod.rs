@@ -20,11 +20,13 @@ mod galerkin;
 mod hierarchy;
 mod level;
 mod nodes;
+mod operator;
 mod prolongation;
 mod solver;
 #[cfg(test)]
 mod tests;
 
 pub(super) use cycle::Cycle;
-pub use nodes::{Interpolation, NearNullSpace, NodeLayout};
+pub use nodes::{Interpolation, NearNullSpace, NodeLayout, scale_of};
+pub use operator::{CoarserLevel, Operator};
 pub use solver::CheckedMultigrid;
