@@ -7,6 +7,7 @@ pub mod driven;
 pub mod fuzz;
 pub mod gradient_cost;
 pub mod mutants;
+pub mod operators;
 pub mod plate;
 pub mod ranks;
 mod side_by_side;

@@ -38,14 +38,8 @@ const MOVED: &str = "fix u = [0,0,0] on low\nfix u = [t,0,-0.5*t] on high\n";
 /// Forces on one end.
 const PULLED: &str = "fix u = [0,0,0] on low\nload u = [2*t,t,6*t] on high\n";
 
-const BLOCK: Body<'_> = Body {
-    size: "[1,1,1]",
-    cells: "[9,9,9] hex",
-    space: "Q1",
-    nu: 0.3,
-    held: MOVED,
-    steps: "0.1 to 0.2 by 0.1",
-};
+const BLOCK: Body<'_> =
+    Body { size: "[1,1,1]", cells: "[9,9,9] hex", space: "Q1", nu: 0.3, held: MOVED, steps: "0.1 to 0.2 by 0.1" };
 
 fn outcome(text: &str, threads: usize) -> Outcome {
     let mut sources = SourceMap::new();

@@ -73,6 +73,26 @@ impl Frames {
         }
     }
 
+    /// As [`Self::turn`], in single precision.
+    pub fn turn_single(&self, v: &mut [f32]) {
+        for frame in &self.list {
+            let node = &mut v[frame.first..][..frame.axes.len()];
+            let before: Vec<f64> = node.iter().map(|x| f64::from(*x)).collect();
+            node.iter_mut().zip(&frame.axes).for_each(|(x, axis)| *x = dot(axis, &before) as f32);
+        }
+    }
+
+    /// As [`Self::turn_back`], in single precision.
+    pub fn turn_back_single(&self, v: &mut [f32]) {
+        for frame in &self.list {
+            let node = &mut v[frame.first..][..frame.axes.len()];
+            let along: Vec<f64> = node.iter().map(|x| f64::from(*x)).collect();
+            for (i, x) in node.iter_mut().enumerate() {
+                *x = frame.axes.iter().zip(&along).map(|(axis, size)| size * axis[i]).sum::<f64>() as f32;
+            }
+        }
+    }
+
     /// Rotates magnitudes: an upper bound of the rotated entries.
     pub fn turn_sizes(&self, v: &mut [f64]) {
         for frame in &self.list {

@@ -19,6 +19,7 @@ mod known;
 mod linear;
 mod node_layout;
 mod numbering;
+mod operator;
 mod past;
 mod positions;
 mod residual;
@@ -124,6 +125,8 @@ pub struct System {
     redistribution: Option<Arc<Redistribution>>,
     /// The terms of finite strain, once they have been asked for.
     finite_strain: OnceLock<Vec<FiniteStrain>>,
+    /// The linear terms have an operator in place of their matrix.
+    without_matrix: bool,
 }
 
 impl System {
@@ -173,6 +176,7 @@ impl System {
             counts: Counts::default(),
             redistribution: None,
             finite_strain: OnceLock::new(),
+            without_matrix: false,
         };
         // on a part of a mesh there is nobody who has all rows
         this.share_again();
@@ -266,7 +270,8 @@ impl System {
         self.terms.iter().filter(|t| t.law.class == Class::Linear).all(|t| t.law.symmetric)
     }
 
-    /// The matrix of the linear terms over the free dofs.
+    /// The matrix of the linear terms over the free dofs; without entries before the first step, and where an operator stands
+    /// in its place ([`Self::matrix`] assembles it there).
     #[must_use]
     pub fn bulk(&self) -> &Csr {
         &self.bulk
@@ -348,7 +353,12 @@ impl System {
         constants?;
         let stale = self.linear_is_stale();
         if stale {
-            self.assemble_linear(&zero)?;
+            if self.without_matrix {
+                self.linear = None;
+                self.linear = Some(Arc::new(LinearMatrix::Applied(Arc::new(self.make_operator()?))));
+            } else {
+                self.assemble_linear(&zero)?;
+            }
             self.linear_uniforms = self.linear_terms().map(|t| t.uniforms().to_vec()).collect();
         }
         Ok(stale)
@@ -491,6 +501,9 @@ pub enum SystemError {
     /// A pattern does not fit.
     #[error(transparent)]
     Structure(CsrError),
+    /// The unknowns have no nodes or no elements of degree 1: why, in words.
+    #[error("{0}")]
+    Layout(String),
     /// A value that the scene gives is not finite.
     #[error(transparent)]
     Given(#[from] Box<BadGiven>),

@@ -9,11 +9,12 @@ use std::sync::Arc;
 use wfl_discrete::{pruning::Pruning, system::System};
 use wfl_host::memory::claim;
 use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, SolveError, SolveReport, SolverOptions};
+use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, Operator, SolveError, SolveReport, SolverOptions};
 
 use super::condensation::condenses;
 use super::cost::{Factors, Iteration, Ways, Work};
 use super::plan::{Extent, LinearPlan};
+use super::without_matrix;
 
 /// Of one matrix. Measured on cubes of trilinear hexahedra: 2.7 GB and 4.5 s for a factor of 108,000 unknowns, 12.7 GB and 39 s
 /// for 353,000; solutions by some 15 iterations. Below 30,000 unknowns a factor takes less than half a second, and nothing is
@@ -92,6 +93,20 @@ impl Iterative {
             }
             other => other,
         }
+    }
+
+    /// Makes the levels of an operator; `None` where only a matrix can tell whether it is singular.
+    ///
+    /// # Errors
+    /// As [`Self::of_one`].
+    pub(super) fn of_operator(
+        layout: NodeLayout,
+        operator: Arc<dyn Operator>,
+        options: SolverOptions,
+    ) -> Result<Option<Self>, SolveError> {
+        claim(without_matrix::bytes(operator.n_rows()), "the levels of multigrid")?;
+        let mut this = Self { of_tangents: false, ..Self::of_tangents(layout, options) };
+        Ok(this.solver.take_operator(operator)?.then_some(this))
     }
 
     /// The solver behind it.
@@ -201,7 +216,9 @@ pub(super) fn plan(system: &System, method: LinearMethod, steps: usize) -> Optio
     let (ways, [of_factors, of_levels]) = ways(system, steps);
     let n = system.n_unknowns();
     let in_place = (system.mesh.dim() == 3 && n >= ways.small).then(|| ways.by_factors(n, of_factors).size());
-    let foreseen = Extent::Foreseen((ways.by_iteration(n, of_levels).size(), in_place));
+    let levels =
+        if without_matrix::pays(system) { without_matrix::bytes(n) } else { ways.by_iteration(n, of_levels).size() };
+    let foreseen = Extent::Foreseen((levels, in_place));
     Some(if system.is_linear() { LinearPlan::Iterative(foreseen) } else { LinearPlan::Tangents(foreseen) })
 }
 
@@ -227,7 +244,8 @@ mod tests {
 
     #[test]
     fn a_factor_takes_more_for_each_unknown_the_more_there_are_and_the_levels_do_not() {
-        let by_unknown = |of: fn(&Ways, usize, Work) -> Cost, n: usize| of(&TANGENTS, n, LEVELS_OF_A_STEP).bytes / n as f64;
+        let by_unknown =
+            |of: fn(&Ways, usize, Work) -> Cost, n: usize| of(&TANGENTS, n, LEVELS_OF_A_STEP).bytes / n as f64;
         let growth = |of: fn(&Ways, usize, Work) -> Cost| by_unknown(of, 800_000) / by_unknown(of, 100_000);
         assert!((growth(Ways::by_factors) - 2.0).abs() < 1e-12, "the third root");
         assert!((growth(Ways::by_iteration) - 1.0).abs() < 1e-12);

@@ -29,6 +29,7 @@ mod path_following;
 mod plan;
 mod refinement;
 mod schedule;
+mod without_matrix;
 
 #[cfg(test)]
 #[path = "../../contact/src/test_block.rs"]

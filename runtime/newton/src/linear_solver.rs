@@ -26,7 +26,8 @@ use super::condensation::condenses;
 use super::filtered;
 use super::iterative::{self, Iterative};
 use super::library;
-use super::plan::{Extent, FactorKind, ITERATION, LinearPlan};
+use super::plan::{Extent, FactorKind, Held, ITERATION, LinearPlan};
+use super::without_matrix;
 use foreseen::groups;
 use wfl_compiler::types::FieldKind;
 
@@ -35,7 +36,7 @@ use wfl_discrete::system::{FIXED, System, Tangent};
 use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{
     CheckedAtPoints, DENSE_LIMIT, Elimination as Method, Equations, Kept, LinearMethod, LinearSolver as Factor, Linked,
-    Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
+    Operator, Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
 };
 
 enum Kind {
@@ -63,6 +64,8 @@ pub struct LinearSolver {
     matrix: Option<Arc<Csr>>,
     /// Attempts at steps in which a factor has taken the place of the iteration on tangents.
     given_way: usize,
+    /// What it solves with in place of a matrix.
+    operator: Option<Arc<dyn Operator>>,
     /// What solves in place of factors of our own: a linked library, or our iteration for contact.
     library: Option<Linked>,
     /// What it is told.
@@ -100,6 +103,7 @@ impl LinearSolver {
             iterative: None,
             matrix: None,
             given_way: 0,
+            operator: None,
             library: options.library,
             equations: None,
             spare: None,
@@ -169,6 +173,13 @@ impl LinearSolver {
         }
     }
 
+    /// Whether the linear terms of a system are applied rather than assembled; then [`System::leave_matrix`] is for it, before its
+    /// first step.
+    #[must_use]
+    pub fn needs_no_matrix(system: &System, options: &SolverOptions) -> bool {
+        without_matrix::is_chosen(system, options)
+    }
+
     /// The solver that a system asks for; nothing is assembled for it. A linear part that turns out not to be positive
     /// definite changes it.
     #[must_use]
@@ -178,7 +189,7 @@ impl LinearSolver {
             return LinearPlan::Library(library.plan(&library::traits(system)));
         }
         if let Some(iterative) = iterative::plan(system, method, solutions) {
-            return iterative;
+            return without_matrix::plan(system, options, iterative);
         }
         if let Some(filtered) = filtered::plan(system, method, solutions) {
             return filtered;
@@ -204,7 +215,12 @@ impl LinearSolver {
     /// What solves now.
     fn method(&self) -> LinearPlan {
         if let Some(iterative) = self.iterative.as_ref().filter(|iterative| iterative.is_at_work()) {
-            return iterative.method();
+            let plan = iterative.method();
+            return if self.operator.is_some() {
+                LinearPlan::WithOperator(Box::new(plan), Held::Applied)
+            } else {
+                plan
+            };
         }
         if let (Some(Linked(library)), Some(equations)) = (self.library, &self.equations) {
             let found = self.solver.as_ref().and_then(|solver| solver.describe());
@@ -243,7 +259,7 @@ impl LinearSolver {
 
     /// Prepares for the one matrix of a linear scene.
     fn solve_one_matrix(&mut self, system: &System) -> Result<(), SolveError> {
-        (self.iterative, self.matrix) = (None, None);
+        (self.iterative, self.matrix, self.operator) = (None, None, None);
         if self.library.is_some() {
             self.tell_library(system);
             return self.factor(&system.new_tangent().changing);
@@ -257,7 +273,7 @@ impl LinearSolver {
                 other => return other,
             }
         }
-        match self.factor(system.bulk()) {
+        match self.factor(&*without_matrix::assembled(system)?) {
             Err(need @ SolveError::TooMuchMemory(_)) if method == LinearMethod::Auto && self.symmetric => {
                 self.solver = None;
                 self.notes.push(format!("no factor fits into the memory: {}", ITERATION));
@@ -269,7 +285,13 @@ impl LinearSolver {
 
     fn iterate(&mut self, system: &System) -> Result<(), SolveError> {
         let layout = iterative::layout(system).map_err(|_| SolveError::NotFactored)?;
-        let matrix = system.shared_bulk();
+        if let Some(operator) = system.operator()
+            && let Some(made) = Iterative::of_operator(layout.clone(), Arc::clone(&operator), self.options)?
+        {
+            (self.iterative, self.operator, self.solver) = (Some(made), Some(operator), None);
+            return Ok(());
+        }
+        let matrix = without_matrix::assembled(system)?;
         self.iterative = Some(Iterative::of_one(layout, Arc::clone(&matrix), self.options)?);
         self.matrix = Some(matrix);
         self.solver = None;

@@ -29,6 +29,15 @@ pub enum FactorKind {
     General,
 }
 
+/// How the matrix of an iteration is held, where elements of degree 2 and more could do without it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Held {
+    /// It is not stored: terms are applied cell by cell.
+    Applied,
+    /// It is stored; why.
+    Stored(String),
+}
+
 /// The solver of the linear systems of a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LinearPlan {
@@ -39,6 +48,8 @@ pub enum LinearPlan {
     Iterative(Extent<(u64, Option<u64>), Vec<usize>>),
     /// Symmetric tangents, in the same way.
     Tangents(Extent<(u64, Option<u64>), Vec<usize>>),
+    /// The same, and how its matrix is held.
+    WithOperator(Box<LinearPlan>, Held),
     /// The bulk is factored once, what changes is condensed: dofs of the nonlinear terms, or unknowns at points that are
     /// eliminated before and how the rest is.
     Condensed(Extent<usize, (usize, String)>),
@@ -79,6 +90,10 @@ impl fmt::Display for LinearPlan {
             Self::Once(factor) => write!(f, "one linear system, {factor}, factored once"),
             Self::Iterative(extent) => write_iteration(f, "one linear system, symmetric: ", extent),
             Self::Tangents(extent) => write_iteration(f, "Newton; whole tangent, symmetric: ", extent),
+            Self::WithOperator(plan, Held::Applied) => {
+                write!(f, "{plan}; terms are applied cell by cell, without a matrix")
+            }
+            Self::WithOperator(plan, Held::Stored(why)) => write!(f, "{plan}; the matrix is stored: {why}"),
             Self::Condensed(Extent::Foreseen(touched)) => write!(
                 f,
                 "Newton; linear part factored once (LLT), Schur complement on the {touched} dofs of the nonlinear terms"
@@ -135,6 +150,15 @@ mod tests {
         assert!(
             LinearPlan::Once(FactorKind::Indefinite).to_string().contains("not positive definite (LDLT), factored")
         );
+    }
+
+    #[test]
+    fn how_a_matrix_is_held_is_told_where_there_is_a_choice() {
+        let plan = || Box::new(LinearPlan::Iterative(Extent::Made(vec![3, 1])));
+        let applied = LinearPlan::WithOperator(plan(), Held::Applied).to_string();
+        assert!(applied.starts_with(&plan().to_string()) && applied.ends_with("without a matrix"));
+        let stored = LinearPlan::WithOperator(plan(), Held::Stored("ranks".to_owned())).to_string();
+        assert!(stored.ends_with("the matrix is stored: ranks"));
     }
 
     #[test]

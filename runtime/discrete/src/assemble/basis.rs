@@ -85,6 +85,15 @@ impl Operand {
 }
 
 impl Basis {
+    /// The same with the functions found that act at the points.
+    pub(super) fn with_support(mut self) -> Self {
+        let (n, values) = (self.n_nodes, &self.table.values);
+        let is_zero = |i: usize| values.iter().skip(i).step_by(n).all(|v| v.abs() <= NO_VALUE);
+        let acting = (0..n).filter(|i| !is_zero(*i)).map(|i| u16::try_from(i).expect("few functions")).collect();
+        self.support = acting;
+        self
+    }
+
     /// The functions under an operation; `on_support` leaves out those whose value is zero at all points.
     pub(super) fn operand(&self, op: FieldOp, direction: usize, on_support: bool) -> Operand {
         let n = self.n_nodes;
@@ -232,9 +241,7 @@ pub(super) fn basis(
 ) -> Result<Basis, FieldError> {
     let tabulated = field.tabulate(mesh, group, side, order)?;
     let n_nodes = tabulated.table.n_dofs;
-    let is_zero = |i: usize| tabulated.table.values.iter().skip(i).step_by(n_nodes).all(|v| v.abs() <= NO_VALUE);
-    let support = (0..n_nodes).filter(|i| !is_zero(*i)).map(|i| u16::try_from(i).expect("few functions")).collect();
-    Ok(Basis {
+    let basis = Basis {
         field: id,
         side,
         n_components: field.n_components,
@@ -247,7 +254,8 @@ pub(super) fn basis(
         order,
         nodes: tabulated.nodes,
         offset,
-        support,
+        support: Vec::new(),
         starts: Starts::default(),
-    })
+    };
+    Ok(basis.with_support())
 }

@@ -309,6 +309,11 @@ impl Binding {
         Ok(binding)
     }
 
+    /// The same slots with other functions.
+    pub(super) fn with_groups(&self, groups: Vec<GroupBinding>) -> Self {
+        Self { groups, in_lanes: None, ..self.clone() }
+    }
+
     /// Number of fields and sides that are evaluated in a group, also where this rank has no entity of it.
     pub(super) fn n_bases(&self) -> usize {
         self.needs.orders.len()
@@ -343,7 +348,7 @@ impl Binding {
 }
 
 impl GroupBinding {
-    fn new(mesh: &Mesh, group: &Group, mut bases: Vec<Basis>) -> Self {
+    pub(super) fn new(mesh: &Mesh, group: &Group, mut bases: Vec<Basis>) -> Self {
         let (dim, mut values, mut n_derivatives) = (mesh.dim(), Vec::new(), 0);
         for basis in &mut bases {
             let table = &basis.table;

@@ -184,6 +184,13 @@ impl Workspace {
         }
     }
 
+    /// The map of the batch prepared last at a point of its group: `inverse[j][i]`, derivative of reference coordinate j in
+    /// direction i, and the magnitude of the determinant.
+    pub(super) fn map_at(&mut self, group: &Group, dim: usize, q: usize) -> ([[Lanes; 3]; 3], Lanes) {
+        self.arch.dispatch(MapAt { geometry: &mut self.here, nodes: &self.nodes_here, group, dim, q });
+        (self.here.inverse, Lanes(self.here.determinant.map(f64::abs)))
+    }
+
     /// The outward normal of a lane of the batch prepared last, at the last point of its rule.
     #[must_use]
     pub fn normal_at_the_end(&self, dim: usize, group: &Group, lane: usize) -> [f64; 3] {
@@ -202,6 +209,29 @@ impl Workspace {
     #[must_use]
     pub fn output(&self, n_outputs: usize, q: usize, k: usize) -> &[f64] {
         &self.outputs[(q * n_outputs + k) * LANES..][..LANES]
+    }
+}
+
+/// The map of a batch at one point.
+struct MapAt<'a> {
+    geometry: &'a mut PointGeometry,
+    nodes: &'a [[Lanes; 3]],
+    group: &'a Group,
+    dim: usize,
+    q: usize,
+}
+
+impl WithSimd for MapAt<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let at = Row::of(&self.group.here.geometry, self.q);
+        match self.dim {
+            1 => self.geometry.evaluate::<S, 1, f64>(simd, at, self.nodes),
+            2 => self.geometry.evaluate::<S, 2, f64>(simd, at, self.nodes),
+            _ => self.geometry.evaluate::<S, 3, f64>(simd, at, self.nodes),
+        }
     }
 }
 

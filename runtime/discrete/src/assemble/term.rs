@@ -4,6 +4,9 @@
 //! sums are the same for any number of threads. After the first assembly nothing is allocated. A number that is not
 //! finite stops the assembly with its place.
 
+pub(super) mod applied;
+mod coarser;
+pub(super) mod diagonal;
 pub(super) mod gradients;
 pub(super) mod local;
 mod moving;

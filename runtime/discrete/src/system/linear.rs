@@ -7,7 +7,7 @@ use wfl_sparse::csr::{
     Csr, CsrError, Outside, Pattern, PatternBuilder, Restriction, product_and_size, product_and_sizes,
 };
 
-use super::{System, SystemError, past::stays, pattern};
+use super::{System, SystemError, operator::LinearOperator, past::stays, pattern};
 use crate::assemble::AssembledTerm;
 
 /// The matrix of the linear terms by dof, in the axes of the scene.
@@ -17,6 +17,8 @@ pub(super) enum LinearMatrix {
     Whole(Csr),
     /// What the bulk does not have: rows and columns of fixed dofs.
     BesideBulk(Outside),
+    /// None: what its products are.
+    Applied(Arc<LinearOperator>),
 }
 
 /// What takes the mass from some dofs and gives it to others.
@@ -101,6 +103,13 @@ impl System {
         let [p, s, t] = outs;
         match (self.linear.as_deref(), x) {
             (None, _) => return false,
+            (Some(LinearMatrix::Applied(a)), x) => {
+                a.multiply(d, p);
+                a.sizes_by_dof(d, s);
+                if let Some(x) = x {
+                    a.sizes_by_dof(x, t);
+                }
+            }
             (Some(LinearMatrix::Whole(a)), None) => product_and_size(a, d, [p, s], threads),
             (Some(LinearMatrix::Whole(a)), Some(x)) => product_and_sizes(a, d, x, [p, s, t], threads),
             (Some(LinearMatrix::BesideBulk(a)), None) => product_and_size(&a.around(&self.bulk), d, [p, s], threads),
@@ -156,7 +165,7 @@ impl System {
     /// Takes the mass from some nodes, from now on.
     pub fn redistribute(&mut self, redistribution: Redistribution) {
         self.redistribution = Some(Arc::new(redistribution));
-        (self.linear, self.steady) = (None, None);
+        (self.linear, self.steady, self.without_matrix) = (None, None, false);
     }
 
     /// What takes the mass from some nodes.

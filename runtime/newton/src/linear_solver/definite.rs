@@ -48,7 +48,7 @@ impl LinearSolver {
     /// The whole tangent of a system, if it is symmetric.
     #[must_use]
     pub fn symmetric_whole(system: &System, tangent: &Tangent) -> Option<Csr> {
-        let whole = system.bulk().plus(&tangent.changing).ok()?;
+        let whole = system.matrix().ok()?.plus(&tangent.changing).ok()?;
         if !whole.is_symmetric(ASYMMETRY) {
             return None;
         }

@@ -124,7 +124,8 @@ impl LinearSolver {
         if iterative.is_of_tangents() {
             self.set_aside(error)?;
         } else {
-            let Some(matrix) = self.matrix.take() else { return Err(error) };
+            let assembled = self.operator.take().and_then(|operator| operator.matrix());
+            let Some(matrix) = self.matrix.take().or(assembled) else { return Err(error) };
             self.note_factor(&error);
             self.iterative = None;
             self.factor(&matrix)?;

@@ -7,6 +7,7 @@
 
 use wfl_host::team::{Alone, Team};
 
+use super::multigrid::{NodeLayout, Operator};
 use super::row_owners::RowOwners;
 use super::scaling::symmetric_scale;
 use super::triangular_solve::Transpose;
@@ -154,6 +155,23 @@ impl BackwardErrorCheck {
         if let Some(owners) = &self.owners {
             owners.update(&mut diagonal);
         }
+        self.take_sums(parts, &diagonal)
+    }
+
+    /// Takes norms and scales of an operator that is solved with next.
+    ///
+    /// # Errors
+    /// As [`Self::set_matrix`].
+    pub(super) fn set_operator(&mut self, operator: &dyn Operator, layout: &NodeLayout) -> Result<(), SolveError> {
+        self.row_sums.copy_from_slice(operator.row_sums());
+        let (size, blocks) = (layout.components, operator.diagonal_blocks());
+        let entry = |place: usize| blocks[place * size + place % size];
+        let diagonal: Vec<f64> = layout.places.iter().map(|place| entry(*place as usize)).collect();
+        self.take_sums(&[], &diagonal)
+    }
+
+    /// Looks at the row sums and takes the scale.
+    fn take_sums(&mut self, parts: &[&Csr], diagonal: &[f64]) -> Result<(), SolveError> {
         let infinite = self.row_sums.iter().position(|sum| !sum.is_finite());
         if self.team().any(infinite.is_some()) {
             let mut places = parts.iter().filter_map(|part| part.first_non_finite());
@@ -174,7 +192,7 @@ impl BackwardErrorCheck {
             let mode = NullVector::new(values);
             return Err(SolveError::Singular { dof: mode.largest().unwrap_or(0), ratio: 0.0, mode });
         }
-        self.scale = symmetric_scale(parts, &diagonal, self.owners.as_ref());
+        self.scale = symmetric_scale(parts, diagonal, self.owners.as_ref());
         Ok(())
     }
 
@@ -260,8 +278,38 @@ impl BackwardErrorCheck {
         x: &[f64],
         tolerance: f64,
     ) -> Result<SolveReport, SolveError> {
-        let limit = self.options.residual_limit;
         let measure = self.measure(parts, rhs, x);
+        self.accept(measure, tolerance)
+    }
+
+    /// The same with an operator, whose product with the solution is at hand.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    pub(super) fn judge_product(
+        &mut self,
+        operator: &dyn Operator,
+        of: (&[f64], &[f64]),
+        product: &[f64],
+        tolerance: f64,
+    ) -> Result<SolveReport, SolveError> {
+        let (rhs, x) = of;
+        let mut measure = Measure { relative: f64::INFINITY, componentwise: f64::INFINITY, left: f64::INFINITY };
+        if x.iter().chain(product).all(|value| value.is_finite()) {
+            operator.sizes(x, &mut self.magnitude);
+            let residuals = self.residual.iter_mut().zip(&mut self.magnitude);
+            for (((residual, size), b), product) in residuals.zip(rhs).zip(product) {
+                *residual = b - product;
+                *size += b.abs();
+            }
+            measure = self.measure_residual(rhs, x);
+        }
+        self.accept(measure, tolerance)
+    }
+
+    /// The report of a measure that is small enough.
+    fn accept(&mut self, measure: Measure, tolerance: f64) -> Result<SolveReport, SolveError> {
+        let limit = self.options.residual_limit;
         self.last = measure;
         if measure.relative.is_nan() || measure.relative > limit && measure.left > tolerance {
             return Err(SolveError::ResidualTooLarge { relative: measure.relative, limit });
@@ -297,6 +345,11 @@ impl BackwardErrorCheck {
         }
         let threads = self.options.threads;
         residual_and_size(parts, rhs, x, &mut self.residual, &mut self.magnitude, threads);
+        self.measure_residual(rhs, x)
+    }
+
+    /// Backward errors of a solution whose residual and magnitudes are at hand.
+    fn measure_residual(&self, rhs: &[f64], x: &[f64]) -> Measure {
         let quotient = |residual: f64, size: f64| if residual == 0.0 { 0.0 } else { residual / size };
         // a product that is no number is no small residual
         let mut sizes = [

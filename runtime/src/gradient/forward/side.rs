@@ -137,7 +137,8 @@ impl Forwards<'_, '_> {
         let mut tangent = system.new_tangent();
         let made = sided.with_stand_ins(values, |others| system.tangent_with(&step.u, others, &mut tangent));
         made.map_err(|e| not_made(&e.to_string()))?;
-        system.bulk().plus(&tangent.changing).map_err(|e| not_made(&e.to_string()))
+        let bulk = system.matrix().map_err(|e| not_made(&e.to_string()))?;
+        bulk.plus(&tangent.changing).map_err(|e| not_made(&e.to_string()))
     }
 
     /// What the equations change by, and by dof the sizes of what the terms add to that: they may cancel.

@@ -182,20 +182,6 @@ impl<T: Real> Blocks<T> {
     pub(super) fn for_each_row<X: Real>(&self, x: &[X], out: &mut [X], then: impl Fn(usize, &[X], &mut [X]) + Sync) {
         by_shape!(self.shape, rows_times(self, x, out, &then));
     }
-
-    /// `y = A x`.
-    pub(super) fn multiply(&self, x: &[T], y: &mut [T]) {
-        self.for_each_row(x, y, |_, sum, out| out.copy_from_slice(sum));
-    }
-
-    /// `r = b - A x`.
-    pub(super) fn residual(&self, b: &[T], x: &[T], r: &mut [T]) {
-        self.for_each_row(x, r, |row, sum, out| {
-            for ((out, b), sum) in out.iter_mut().zip(&b[row * sum.len()..]).zip(sum) {
-                *out = *b - *sum;
-            }
-        });
-    }
 }
 
 /// See [`Blocks::for_each_row`].

@@ -36,13 +36,13 @@ pub(super) struct Outcome {
     pub(super) error: f64,
 }
 
-/// An operator on vectors of one length.
-pub(super) trait Operator {
+/// A linear map of vectors of one length.
+pub(super) trait LinearMap {
     /// `y = A x`.
     fn apply(&mut self, x: &[f64], y: &mut [f64]);
 }
 
-impl<F: FnMut(&[f64], &mut [f64])> Operator for F {
+impl<F: FnMut(&[f64], &mut [f64])> LinearMap for F {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         self(x, y);
     }
@@ -86,8 +86,8 @@ impl ConjugateGradients {
     /// Solves `A x = b` from zero until the goal is met.
     pub(super) fn solve(
         &mut self,
-        a: &mut dyn Operator,
-        m: &mut dyn Operator,
+        a: &mut dyn LinearMap,
+        m: &mut dyn LinearMap,
         b: &[f64],
         x: &mut [f64],
         goal: Goal<'_>,

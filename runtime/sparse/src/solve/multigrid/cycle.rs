@@ -3,9 +3,12 @@
 //! Promises: the same bits for any number of threads; the same operator every time, up to the rounding of single
 //! precision. Does not look at residuals.
 
+use std::sync::Arc;
+
 use super::super::SolveError;
 use super::hierarchy::Hierarchy;
 use super::nodes::{NodeLayout, NodeRows};
+use super::operator::Operator;
 use crate::csr::Csr;
 use crate::index::NONE;
 use crate::norm::largest;
@@ -29,6 +32,16 @@ impl Cycle {
         let hierarchy = Hierarchy::new(&rows, layout)?;
         let zeros = || vec![0.0f32; layout.points.len() * layout.components];
         Ok(Self { hierarchy, scale: rows.scale(), b: zeros(), x: zeros() })
+    }
+
+    /// Makes the levels of an operator.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(in crate::solve) fn of_operator(operator: &Arc<dyn Operator>, layout: &NodeLayout) -> Result<Self, SolveError> {
+        let hierarchy = Hierarchy::of_operator(operator, layout)?;
+        let zeros = || vec![0.0f32; layout.points.len() * layout.components];
+        Ok(Self { hierarchy, scale: operator.scale(), b: zeros(), x: zeros() })
     }
 
     /// `z` = one cycle for the residual `r`; `places` are those of the layout.

@@ -7,12 +7,15 @@
 //! Promises: a cycle is the same symmetric operator every time, up to rounding, with the same bits for any number of
 //! threads.
 
+use std::sync::Arc;
+
 use wfl_host::team::Alone;
 
 use super::aggregate::aggregates;
-use super::blocks::{Blocks, Rows, Transfer};
-use super::level::{Level, inverted_diagonal};
+use super::blocks::{Blocks, Real, Rows, Transfer};
+use super::level::{Level, Product, inverted_blocks, inverted_diagonal};
 use super::nodes::{NodeLayout, NodeRows};
+use super::operator::{Finest, Operator};
 use super::prolongation::{Coarsened, interpolated, smoothed};
 use crate::csr::{Csr, Pattern};
 use crate::solve::SolveError;
@@ -39,8 +42,8 @@ const SHIFT: f64 = 1e-9;
 const INVERSE_ITERATIONS: usize = 3;
 
 /// A level that is not the coarsest, with the way down from it.
-struct Step<T> {
-    level: Level<T>,
+struct Step<T, A> {
+    level: Level<T, A>,
     transfer: Transfer<T>,
     /// Right-hand side, solution and residual of the level.
     b: Vec<T>,
@@ -48,15 +51,31 @@ struct Step<T> {
     residual: Vec<T>,
 }
 
+/// A level between the finest and the coarsest.
+type Middle = Step<f64, Blocks<f64>>;
+
 /// The levels of a matrix.
 pub(super) struct Hierarchy {
-    finest: Option<Step<f32>>,
-    middle: Vec<Step<f64>>,
+    finest: Option<Step<f32, Finest>>,
+    middle: Vec<Middle>,
     coarsest: Coarsest,
     /// Number of unknowns by level.
     sizes: Vec<usize>,
     /// Where the coarsest matrix looks singular: its softest motion, by place of the finest level.
     softest: Option<Vec<f64>>,
+}
+
+/// How levels are aggregated.
+struct Aggregation {
+    /// Unknowns of a coarser node.
+    k: usize,
+    /// Couplings below this part of the largest are weak.
+    threshold: f64,
+}
+
+/// Most groups of nodes of a level, `k` unknowns each.
+fn most(a: &dyn Rows, k: usize) -> usize {
+    (LARGEST_SHARE * (a.n_nodes() * a.size()) as f64 / k as f64) as usize
 }
 
 /// The coarsest level.
@@ -127,8 +146,8 @@ impl Coarsest {
     }
 }
 
-impl<T: super::blocks::Real> Step<T> {
-    fn new(level: Level<T>, transfer: Transfer<T>) -> Self {
+impl<T: Real, A: Product<T>> Step<T, A> {
+    fn new(level: Level<T, A>, transfer: Transfer<T>) -> Self {
         let zeros = || vec![T::default(); level.a.n_unknowns()];
         let (b, x, residual) = (zeros(), zeros(), zeros());
         Self { level, transfer, b, x, residual }
@@ -146,32 +165,59 @@ impl Hierarchy {
     /// [`SolveError::NotPositiveDefinite`] with an unknown of some level, [`SolveError::TooMuchMemory`].
     pub(super) fn new(matrix: &NodeRows<'_>, layout: &NodeLayout) -> Result<Self, SolveError> {
         let k = layout.n_modes();
-        let mut sizes = vec![matrix.n_nodes() * matrix.size()];
-        if sizes[0] <= COARSEST {
+        let size = matrix.n_nodes() * matrix.size();
+        if size <= COARSEST {
             let mut coarsest = Coarsest::new(matrix)?;
             let softest = coarsest.softest_motion()?;
-            return Ok(Self { finest: None, middle: Vec::new(), coarsest, sizes, softest });
+            return Ok(Self { finest: None, middle: Vec::new(), coarsest, sizes: vec![size], softest });
         }
         let inverse = inverted_diagonal(matrix)?;
-        let level = Level::new(Blocks::<f32>::rounded(matrix)?, &inverse);
+        let level = Level::new(Finest::stored(matrix)?, &inverse);
         let modes = layout.mode_values(layout.extent(&Alone));
         let mut threshold = WEAK;
-        let most = |a: &dyn Rows| (LARGEST_SHARE * (a.n_nodes() * a.size()) as f64 / k as f64) as usize;
         let coarsened = match &layout.interpolation {
             Some(given) => interpolated(layout, given, &modes, k),
             None => {
-                let groups = aggregates(matrix, threshold, most(matrix));
+                let groups = aggregates(matrix, threshold, most(matrix, k));
                 threshold *= 0.5;
                 smoothed(matrix, &groups, &modes, k, &inverse, level.largest)
             }
         };
         drop((modes, inverse));
+        let a = super::galerkin::galerkin(matrix, &coarsened.transfer);
+        Self::below(level, coarsened, a, Aggregation { k, threshold })
+    }
+
+    /// Makes the levels of an operator; its first coarser one is that of elements of degree 1.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; [`SolveError::NotFactored`] for a layout without that level.
+    pub(super) fn of_operator(operator: &Arc<dyn Operator>, layout: &NodeLayout) -> Result<Self, SolveError> {
+        let (k, size, scale) = (layout.n_modes(), layout.components, operator.scale());
+        let given = layout.interpolation.as_ref().ok_or(SolveError::NotFactored)?;
+        let inverse = inverted_blocks(operator.diagonal_blocks(), size, 1.0 / scale)?;
+        let level = Level::new(Finest::applied(Arc::clone(operator), layout.points.len(), size), &inverse);
+        let coarsened = interpolated(layout, given, &layout.mode_values(layout.extent(&Alone)), k);
+        let coarser = operator.coarser();
+        let matrix = [&coarser.matrix];
+        let a = Blocks::rounded(&NodeRows::of_coarser(&matrix, coarser, size, scale))?;
+        Self::below(level, coarsened, a, Aggregation { k, threshold: WEAK })
+    }
+
+    /// The levels below the finest one, `a` the matrix of the first of them.
+    fn below(
+        level: Level<f32, Finest>,
+        coarsened: Coarsened,
+        mut a: Blocks<f64>,
+        how: Aggregation,
+    ) -> Result<Self, SolveError> {
+        let Aggregation { k, mut threshold } = how;
         let Coarsened { transfer, mut modes } = coarsened;
-        let mut a = super::galerkin::galerkin(matrix, &transfer);
-        let (mut middle, mut coarsest) = (Vec::new(), None);
+        let mut sizes = vec![level.a.n_unknowns()];
+        let (mut middle, mut coarsest): (Vec<Middle>, _) = (Vec::new(), None);
         while coarsest.is_none() {
             sizes.push(a.n_unknowns());
-            let groups = aggregates(&a, threshold, most(&a));
+            let groups = aggregates(&a, threshold, most(&a, k));
             threshold *= 0.5;
             let shrinks = groups.count > 0 && (groups.count * k) as f64 <= SHRINKS * a.n_unknowns() as f64;
             if a.n_unknowns() <= COARSEST || !shrinks {
@@ -188,7 +234,7 @@ impl Hierarchy {
         let mut coarsest = coarsest.expect("the loop ends with it");
         let mut softest = coarsest.softest_motion()?;
         if let Some(motion) = &mut softest {
-            for coarser in middle.iter().rev().map(|step: &Step<f64>| &step.transfer).chain([&transfer]) {
+            for coarser in middle.iter().rev().map(|step| &step.transfer).chain([&transfer]) {
                 let mut finer = vec![0.0; coarser.down.n_unknowns()];
                 coarser.prolong_add(motion, &mut finer);
                 *motion = finer;
@@ -245,7 +291,7 @@ impl Hierarchy {
 }
 
 /// Solves on these levels from zero, `b` of the first into its `x`; the coarsest in place.
-fn down(levels: &mut [Step<f64>], coarsest: &mut Coarsest) {
+fn down(levels: &mut [Middle], coarsest: &mut Coarsest) {
     let Some((first, rest)) = levels.split_first_mut() else {
         coarsest.factor.solve(Transpose::No, &mut coarsest.x);
         return;

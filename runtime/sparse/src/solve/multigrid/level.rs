@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::blocks::{Blocks, ROWS_PER_TASK, Real, RowBuffer, Rows};
+use super::blocks::{ROWS_PER_TASK, Real, RowBuffer, Rows};
 use crate::solve::SolveError;
 
 /// Products of the polynomial with the matrix.
@@ -21,9 +21,38 @@ const LANCZOS: usize = 10;
 /// Numbers in one task of a vector operation.
 const CHUNK: usize = 8192;
 
-/// A level.
-pub(super) struct Level<T> {
-    pub(super) a: Blocks<T>,
+/// A square matrix by nodes, as a level needs it.
+pub(super) trait Product<T: Real> {
+    /// Unknowns of a node.
+    fn size(&self) -> usize;
+
+    /// Rows of single entries.
+    fn n_unknowns(&self) -> usize;
+
+    /// Bytes that it holds.
+    fn bytes(&self) -> usize;
+
+    /// For each row of blocks `then(row, A x, out)`, where `out` is the part of a vector that belongs to the row.
+    fn for_each_row(&mut self, x: &[T], out: &mut [T], then: impl Fn(usize, &[T], &mut [T]) + Sync);
+
+    /// `y = A x`.
+    fn multiply(&mut self, x: &[T], y: &mut [T]) {
+        self.for_each_row(x, y, |_, sum, out| out.copy_from_slice(sum));
+    }
+
+    /// `r = b - A x`.
+    fn residual(&mut self, b: &[T], x: &[T], r: &mut [T]) {
+        self.for_each_row(x, r, |row, sum, out| {
+            for ((out, b), sum) in out.iter_mut().zip(&b[row * sum.len()..]).zip(sum) {
+                *out = *b - *sum;
+            }
+        });
+    }
+}
+
+/// A level with a matrix of this kind.
+pub(super) struct Level<T, A> {
+    pub(super) a: A,
     /// Inverses of the diagonal blocks.
     inverse: Vec<T>,
     /// Largest eigenvalue of `D⁻¹ A`, from above.
@@ -31,9 +60,9 @@ pub(super) struct Level<T> {
     direction: Vec<T>,
 }
 
-impl<T: Real> Level<T> {
+impl<T: Real, A: Product<T>> Level<T, A> {
     /// Takes a matrix, as it is and with the inverses of its diagonal blocks.
-    pub(super) fn new(a: Blocks<T>, inverse: &[f64]) -> Self {
+    pub(super) fn new(a: A, inverse: &[f64]) -> Self {
         let direction = vec![T::default(); a.n_unknowns()];
         let inverse = inverse.iter().map(|value| T::of(*value)).collect();
         let mut this = Self { a, inverse, largest: 1.0, direction };
@@ -48,7 +77,7 @@ impl<T: Real> Level<T> {
 
     /// `x` = polynomial applied to `b`.
     pub(super) fn smooth_from_zero(&mut self, b: &[T], x: &mut [T]) {
-        let size = self.a.shape[0];
+        let size = self.a.size();
         let factor = T::of(1.0 / self.middle());
         let inverse = &self.inverse;
         self.direction.par_chunks_mut(size * ROWS_PER_TASK).enumerate().for_each(|(chunk, out)| {
@@ -87,7 +116,7 @@ impl<T: Real> Level<T> {
     /// `d = keep d + factor D⁻¹ (b - A x)`, `x = x + d`.
     fn step(&mut self, b: &[T], x: &mut [T], keep: f64, factor: f64) {
         let (keep, factor) = (T::of(keep), T::of(factor));
-        let (inverse, size) = (&self.inverse, self.a.shape[0]);
+        let (inverse, size) = (&self.inverse, self.a.size());
         self.a.for_each_row(x, &mut self.direction, |row, sum, out| {
             let mut residual = [T::default(); 6];
             for ((residual, sum), b) in residual.iter_mut().zip(sum).zip(&b[row * size..]) {
@@ -104,12 +133,13 @@ impl<T: Real> Level<T> {
 
     /// The largest eigenvalue of `D⁻¹ A` from below, by Lanczos' method in the form of conjugate gradients (Saad,
     /// section 6.7.3) from a fixed start.
-    fn largest_eigenvalue(&self) -> f64 {
+    fn largest_eigenvalue(&mut self) -> f64 {
         let n = self.a.n_unknowns();
-        let size = self.a.shape[0];
+        let size = self.a.size();
+        let inverse = &self.inverse;
         let jacobi = |r: &[T], z: &mut [T]| {
             for (row, out) in z.chunks_exact_mut(size).enumerate() {
-                let inverse = &self.inverse[row * size * size..][..size * size];
+                let inverse = &inverse[row * size * size..][..size * size];
                 block_times(inverse, &r[row * size..][..size], |c, sum| out[c] = sum);
             }
         };
@@ -220,6 +250,22 @@ pub(super) fn inverted_diagonal(a: &dyn Rows) -> Result<Vec<f64>, SolveError> {
         Some((dof, pivot)) => Err(SolveError::NotPositiveDefinite { dof, pivot }),
         None => Ok(inverse),
     }
+}
+
+/// Inverses of diagonal blocks of `size` rows, node after node, times a number.
+///
+/// # Errors
+/// [`SolveError::NotPositiveDefinite`] with the place of the unknown in the vector.
+pub(super) fn inverted_blocks(blocks: &[f64], size: usize, factor: f64) -> Result<Vec<f64>, SolveError> {
+    let mut inverse = vec![0.0; blocks.len()];
+    let all = blocks.chunks_exact(size * size).zip(inverse.chunks_exact_mut(size * size));
+    for (node, (block, out)) in all.enumerate() {
+        if let Err((component, pivot)) = invert(block, size, out) {
+            return Err(SolveError::NotPositiveDefinite { dof: node * size + component, pivot });
+        }
+        out.iter_mut().for_each(|entry| *entry *= factor);
+    }
+    Ok(inverse)
 }
 
 /// Gauss-Jordan elimination of a symmetric positive definite matrix; else the row and the pivot.

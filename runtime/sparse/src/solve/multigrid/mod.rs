@@ -20,6 +20,7 @@ mod galerkin;
 mod hierarchy;
 mod level;
 mod nodes;
+mod operator;
 mod prolongation;
 mod solver;
 #[cfg(test)]
@@ -27,5 +28,6 @@ mod tests;
 mod wear;
 
 pub(super) use cycle::Cycle;
-pub use nodes::{Interpolation, NearNullSpace, NodeLayout};
+pub use nodes::{Interpolation, NearNullSpace, NodeLayout, scale_of};
+pub use operator::{CoarserLevel, Operator};
 pub use solver::CheckedMultigrid;

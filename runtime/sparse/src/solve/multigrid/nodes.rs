@@ -6,6 +6,7 @@
 use wfl_host::team::Team;
 
 use super::blocks::{RowBuffer, Rows};
+use super::operator::CoarserLevel;
 use crate::csr::Csr;
 use crate::index::NONE;
 use crate::solve::SolveError;
@@ -52,12 +53,21 @@ impl NodeLayout {
     /// # Errors
     /// [`SolveError::Shape`].
     pub(in crate::solve) fn check(&self, matrix: &Csr) -> Result<(), SolveError> {
-        let shape = |what, expected, found| Err(SolveError::Shape { what, expected, found });
-        if self.places.len() != matrix.n_rows() {
-            return shape("places of the rows of a matrix", matrix.n_rows(), self.places.len());
-        }
         if matrix.n_cols() != matrix.n_rows() {
-            return shape("columns of a square matrix", matrix.n_rows(), matrix.n_cols());
+            let (expected, found) = (matrix.n_rows(), matrix.n_cols());
+            return Err(SolveError::Shape { what: "columns of a square matrix", expected, found });
+        }
+        self.check_rows(matrix.n_rows())
+    }
+
+    /// Checks that the layout fits so many rows.
+    ///
+    /// # Errors
+    /// [`SolveError::Shape`].
+    pub(in crate::solve) fn check_rows(&self, n_rows: usize) -> Result<(), SolveError> {
+        let shape = |what, expected, found| Err(SolveError::Shape { what, expected, found });
+        if self.places.len() != n_rows {
+            return shape("places of the rows of a matrix", n_rows, self.places.len());
         }
         if !(1..=3).contains(&self.components) {
             return shape("components of a node, at most", 3, self.components);
@@ -138,6 +148,12 @@ impl NodeLayout {
     }
 }
 
+/// The power of two that brings a largest entry to about 1, so that numbers of single precision hold all.
+#[must_use]
+pub fn scale_of(largest: f64) -> f64 {
+    if largest > 0.0 && largest.is_finite() { (-largest.log2().round()).exp2() } else { 1.0 }
+}
+
 /// A matrix of single entries, the sum of parts, seen as blocks of nodes and times a power of two.
 pub(super) struct NodeRows<'a> {
     parts: &'a [&'a Csr],
@@ -157,8 +173,14 @@ impl<'a> NodeRows<'a> {
             rows[*place as usize] = row as u32;
         }
         let largest = parts.iter().fold(0.0, |largest: f64, part| largest.max(part.max_abs()));
-        let scale = if largest > 0.0 && largest.is_finite() { (-largest.log2().round()).exp2() } else { 1.0 };
-        Self { parts, size: layout.components, places: &layout.places, rows, scale }
+        Self { parts, size: layout.components, places: &layout.places, rows, scale: scale_of(largest) }
+    }
+
+    /// Of nodes with so many components, with places by row, times a given number.
+    pub(super) fn of_coarser(parts: &'a [&'a Csr], coarser: &'a CoarserLevel, size: usize, scale: f64) -> Self {
+        let mut rows = vec![NONE; coarser.n_nodes * size];
+        (0..).zip(&coarser.places).for_each(|(row, place)| rows[*place as usize] = row);
+        Self { parts, size, places: &coarser.places, rows, scale }
     }
 
     /// What entries are multiplied by.

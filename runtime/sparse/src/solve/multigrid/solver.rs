@@ -12,6 +12,7 @@ use super::conjugate_gradients::{ConjugateGradients, Ending, Goal, Outcome, scal
 use super::cycle::Cycle;
 use super::level::dot;
 use super::nodes::NodeLayout;
+use super::operator::Operator;
 use super::wear::Wear;
 use crate::csr::Csr;
 
@@ -41,9 +42,15 @@ pub struct CheckedMultigrid {
     wear: Wear,
 }
 
+/// What is solved with.
+enum Source {
+    Stored(Arc<Csr>),
+    Applied(Arc<dyn Operator>),
+}
+
 /// A matrix with its levels.
 struct Loaded {
-    matrix: Arc<Csr>,
+    source: Source,
     threads: usize,
     cycle: Cycle,
     /// The levels are those of an earlier matrix.
@@ -52,7 +59,10 @@ struct Loaded {
 
 impl Loaded {
     fn multiply(&self, x: &[f64], y: &mut [f64]) {
-        self.matrix.multiply(x, y, self.threads);
+        match &self.source {
+            Source::Stored(matrix) => matrix.multiply(x, y, self.threads),
+            Source::Applied(operator) => operator.apply(x, y),
+        }
     }
 }
 
@@ -82,10 +92,10 @@ impl CheckedMultigrid {
         self.layout.check(&matrix)?;
         self.check.set_matrix(&[&matrix])?;
         check_symmetry(&matrix)?;
-        let cycle = Cycle::new(&[&matrix], &self.layout)?;
-        let mut loaded = Loaded { threads: self.check.options().threads, matrix, cycle, is_kept: false };
-        self.look_for_null_vector(&mut loaded)?;
-        self.loaded = Some(loaded);
+        let mut cycle = Cycle::new(&[&matrix], &self.layout)?;
+        self.look_for_null_vector(&matrix, &mut cycle)?;
+        let (threads, source) = (self.check.options().threads, Source::Stored(matrix));
+        self.loaded = Some(Loaded { threads, source, cycle, is_kept: false });
         Ok(())
     }
 
@@ -101,7 +111,7 @@ impl CheckedMultigrid {
         let Some(loaded) = &mut self.loaded else { return Ok(false) };
         self.check.set_matrix(&[matrix])?;
         check_symmetry(matrix)?;
-        (loaded.matrix, loaded.is_kept) = (Arc::clone(matrix), true);
+        (loaded.source, loaded.is_kept) = (Source::Stored(Arc::clone(matrix)), true);
         Ok(true)
     }
 
@@ -139,12 +149,30 @@ impl CheckedMultigrid {
         })
     }
 
+    /// As [`Self::take`] with an operator. False where its coarsest level looks singular: whether the matrix is, only the
+    /// matrix tells.
+    ///
+    /// # Errors
+    /// As [`LinearSolver::factor`].
+    pub fn take_operator(&mut self, operator: Arc<dyn Operator>) -> Result<bool, SolveError> {
+        self.loaded = None;
+        self.layout.check_rows(operator.n_rows())?;
+        self.check.set_operator(&*operator, &self.layout)?;
+        let mut cycle = Cycle::of_operator(&operator, &self.layout)?;
+        if cycle.take_softest_motion(&self.layout.places).is_some() {
+            return Ok(false);
+        }
+        let (threads, source) = (self.check.options().threads, Source::Applied(operator));
+        self.loaded = Some(Loaded { threads, source, cycle, is_kept: false });
+        Ok(true)
+    }
+
     /// The error for a matrix whose coarsest level looks singular, if it is singular itself.
-    fn look_for_null_vector(&mut self, loaded: &mut Loaded) -> Result<(), SolveError> {
-        let Some(motion) = loaded.cycle.take_softest_motion(&self.layout.places) else { return Ok(()) };
-        match self.check.as_singular(&[&loaded.matrix], motion) {
+    fn look_for_null_vector(&mut self, matrix: &Csr, cycle: &mut Cycle) -> Result<(), SolveError> {
+        let Some(motion) = cycle.take_softest_motion(&self.layout.places) else { return Ok(()) };
+        match self.check.as_singular(&[matrix], motion) {
             Some(error) => Err(error),
-            None => loaded.cycle.trust(),
+            None => cycle.trust(),
         }
     }
 
@@ -219,7 +247,10 @@ impl CheckedMultigrid {
             left.iter_mut().zip(rhs).zip(&product).for_each(|((left, b), product)| *left = b - product);
             let now = norm(&left);
             let has_drifted = now > (1.0 + DRIFT) * norm(self.iteration.residual()) && now <= DRIFT * before;
-            let report = self.check.judge(&[&loaded.matrix], rhs, x, tolerance);
+            let report = match &loaded.source {
+                Source::Stored(matrix) => self.check.judge(&[&**matrix], rhs, x, tolerance),
+                Source::Applied(operator) => self.check.judge_product(&**operator, (rhs, x), &product, tolerance),
+            };
             // rounding in the recursion, or an error that the preconditioner hides: on from the true residual
             if round == RESTARTS || now == 0.0 || !has_drifted && report.is_ok() {
                 return report.map(|report| SolveReport { krylov_iterations: iterations, ..report });
@@ -245,13 +276,18 @@ impl LinearSolver for CheckedMultigrid {
 
     fn condition_estimate(&mut self) -> Result<f64, SolveError> {
         let Some(mut loaded) = self.loaded.take() else { return Err(SolveError::NotFactored) };
-        let n = loaded.matrix.n_rows();
+        let n = self.layout.places.len();
         let mut solver = |_, x: &mut [f64]| {
             let rhs = x.to_vec();
             self.iterate(&mut loaded, &rhs, x, [ROUGH, 0.0]);
         };
         let inverse = inverse_norm_estimate(n, &mut solver);
-        let estimate = inverse * loaded.matrix.norm_1();
+        let norm = match &loaded.source {
+            Source::Stored(matrix) => matrix.norm_1(),
+            // of a symmetric matrix that of the rows is that of the columns
+            Source::Applied(_) => self.check.norm(),
+        };
+        let estimate = inverse * norm;
         self.loaded = Some(loaded);
         Ok(estimate)
     }

@@ -1,0 +1,88 @@
+//! Whether the matrix of a linear scene is assembled, or its linear terms are applied cell by cell.
+//!
+//! Decided before anything is assembled, from counted operations and bytes. Does not assemble and does not solve.
+
+use std::sync::Arc;
+
+use wfl_discrete::assemble::Counts;
+use wfl_discrete::system::{System, SystemError};
+use wfl_sparse::csr::Csr;
+use wfl_sparse::solve::{SolveError, SolverOptions};
+
+use super::iterative;
+use super::plan::{Held, LinearPlan};
+
+/// Seconds of a product with a sum in single precision, on one thread, where terms are applied: TODO of the processor that
+/// `cargo run --release -p wfl-tests --bin operators` was run on.
+const OPERATION_SECONDS: f64 = 1.0 / 20e9;
+/// Seconds in which a number of a node is read by a cell, or added to.
+const GATHER_SECONDS: f64 = 1.0 / 0.6e9;
+/// Entries of a matrix for each entry of the matrices of its cells: 0.40 for tetrahedra of degree 2, 0.70 for hexahedra.
+const ASSEMBLED: f64 = 0.4;
+/// Seconds in which an entry of single precision, with its part of an index, is read from the memory.
+const ENTRY_SECONDS: f64 = 4.5 / 10e9;
+/// Bytes of levels and operator for each unknown.
+const BYTES: u64 = 250;
+
+/// Whether a system is solved by conjugate gradients without a matrix.
+#[must_use]
+pub(super) fn is_chosen(system: &System, options: &SolverOptions) -> bool {
+    let SolverOptions { method, solutions, library, .. } = *options;
+    library.is_none() && system.is_linear() && iterative::is_chosen(system, method, solutions) && pays(system)
+}
+
+/// Whether nothing stands against terms that are applied, and a product with them is foreseen to be faster.
+pub(super) fn pays(system: &System) -> bool {
+    system.is_linear() && system.obstacle_to_operator().is_none() && is_faster(&system.counts_of_product())
+}
+
+fn is_faster(counts: &Counts) -> bool {
+    counts.operations * OPERATION_SECONDS + counts.gathered * GATHER_SECONDS
+        < ASSEMBLED * counts.entries * ENTRY_SECONDS
+}
+
+/// Bytes of levels and operator for so many unknowns.
+pub(super) fn bytes(n: usize) -> u64 {
+    BYTES * n as u64
+}
+
+/// The plan of an iteration with how its matrix is held, where elements of degree 2 and more leave a choice.
+pub(super) fn plan(system: &System, options: &SolverOptions, iteration: LinearPlan) -> LinearPlan {
+    let solved = (0..system.fields.len()).filter(|k| system.range(*k).is_some());
+    if !system.is_linear() || solved.map(|k| system.fields[k].degree()).max().unwrap_or(0) < 2 {
+        return iteration;
+    }
+    let held = match system.obstacle_to_operator() {
+        Some(why) => Held::Stored(why),
+        None if is_chosen(system, options) => Held::Applied,
+        None => Held::Stored("that is faster".to_owned()),
+    };
+    LinearPlan::WithOperator(Box::new(iteration), held)
+}
+
+/// The matrix of the linear terms, assembled now where there is none.
+///
+/// # Errors
+/// [`SolveError::TooMuchMemory`], or [`SolveError::NotFactored`] where a term gives what is no number.
+pub(super) fn assembled(system: &System) -> Result<Arc<Csr>, SolveError> {
+    system.matrix().map_err(|error| match error {
+        SystemError::TooMuchMemory(need) => SolveError::TooMuchMemory(need),
+        _ => SolveError::NotFactored,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of 1000 cells with one elastic field.
+    fn counts(nodes: f64, points: f64) -> Counts {
+        let operations = 1e3 * points * (21.0 + 9.0 * (2.0 * nodes + 7.0));
+        Counts { operations, gathered: 6e3 * nodes, entries: 9e3 * nodes * nodes }
+    }
+
+    #[test]
+    fn elements_of_degree_two_and_more_are_applied() {
+        assert!(is_faster(&counts(10.0, 4.0)) && is_faster(&counts(20.0, 14.0)) && is_faster(&counts(27.0, 27.0)));
+    }
+}

@@ -1,0 +1,251 @@
+//! Linear terms that are applied cell by cell against their matrix: products, diagonals, sizes, the level of degree 1, and
+//! whole scenes against a factor.
+
+use std::{path::Path, sync::Arc};
+
+use wfl::{NoFiles, SourceMap, resolve};
+use wfl_jit::JitBackend;
+use wfl_runtime::{
+    Scene, System,
+    csr::Csr,
+    prepare,
+    solve::{NodeLayout, Operator},
+};
+
+/// A scene whose linear terms have an operator.
+fn prepared(text: &str) -> Scene {
+    let mut sources = SourceMap::new();
+    let main = sources.add("scene.wfl", format!("wfl 1\n{text}"));
+    let script = resolve(&mut sources, main, &mut NoFiles, &[]);
+    assert!(script.diagnostics.is_empty(), "{:?}", script.diagnostics);
+    let backend = JitBackend::new().expect("machine code");
+    let made = prepare(&script.value.expect("a script"), Path::new("."), &backend);
+    let mut scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
+    assert_eq!(scene.system.obstacle_to_operator(), None, "{text}");
+    scene.system.leave_matrix();
+    scene.system.begin_step(1.0, 1.0).expect("a step");
+    scene
+}
+
+/// Numbers in -0.5..0.5 without a pattern.
+fn numbers(n: usize) -> Vec<f64> {
+    (1..=n).map(|i| (i as f64 * 0.618_033_988_749_894_9).fract() - 0.5).collect()
+}
+
+fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0, |largest, value| value.abs().max(largest))
+}
+
+/// On so many threads.
+fn on<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads").install(work)
+}
+
+/// `y = A x`, and the same in single precision by row.
+fn products(operator: &dyn Operator, layout: &NodeLayout, x: &[f64]) -> (Vec<f64>, Vec<f32>) {
+    let mut y = vec![0.0; x.len()];
+    operator.apply(x, &mut y);
+    let mut by_place = vec![0.0f32; layout.points.len() * layout.components];
+    layout.places.iter().zip(x).for_each(|(place, x)| by_place[*place as usize] = *x as f32);
+    let mut single = vec![0.0f32; by_place.len()];
+    operator.apply_single(&by_place, &mut single);
+    (y, layout.places.iter().map(|place| single[*place as usize]).collect())
+}
+
+/// The operator of a system and its matrix.
+struct Both {
+    operator: Arc<dyn Operator>,
+    matrix: Arc<Csr>,
+    layout: NodeLayout,
+}
+
+impl Both {
+    fn of(system: &System) -> Self {
+        let operator = system.operator().expect("an operator");
+        assert_eq!(system.bulk().values().len(), 0, "no matrix");
+        let matrix = system.matrix().expect("a matrix");
+        Self { operator, matrix, layout: system.node_layout().expect("a layout") }
+    }
+
+    fn products_agree(&self) {
+        let n = self.matrix.n_rows();
+        let x = numbers(n);
+        let mut exact = vec![0.0; n];
+        self.matrix.multiply(&x, &mut exact, 1);
+        let size = largest(exact.iter().copied());
+        let (double, single) = on(1, || products(&*self.operator, &self.layout, &x));
+        for threads in [2, 3] {
+            let others = on(threads, || products(&*self.operator, &self.layout, &x));
+            assert!((&double, &single) == (&others.0, &others.1), "the same bits on {threads} threads");
+        }
+        let wrong = largest(double.iter().zip(&exact).map(|(a, b)| a - b)) / size;
+        assert!(wrong < 1e-12, "double precision: {wrong:e}");
+        let scale = self.operator.scale();
+        let wrong = largest(single.iter().zip(&exact).map(|(a, b)| f64::from(*a) / scale - b)) / size;
+        assert!(wrong < 1e-5, "single precision: {wrong:e}");
+    }
+
+    /// Blocks of the diagonal are those of the matrix; sums of rows are no smaller.
+    fn diagonals_agree(&self) {
+        let b = self.layout.components;
+        let most = self.matrix.max_abs();
+        for (row, place) in self.layout.places.iter().enumerate() {
+            let node = *place as usize / b;
+            for (column, other) in self.layout.places.iter().enumerate().skip(row).take(b) {
+                if *other as usize / b == node {
+                    let at = node * b * b + (*place as usize % b) * b + *other as usize % b;
+                    let (own, exact) = (self.operator.diagonal_blocks()[at], self.matrix.get(row, column));
+                    assert!((own - exact).abs() < 1e-12 * most, "{row} {column}: {own:e} {exact:e}");
+                }
+            }
+            let sum: f64 = self.matrix.row(row).1.iter().map(|value| value.abs()).sum();
+            let bound = self.operator.row_sums()[row];
+            assert!(bound > (1.0 - 1e-12) * sum && bound < 8.0 * sum, "{bound:e} for {sum:e}");
+        }
+        let x = numbers(self.matrix.n_rows());
+        let mut sizes = vec![0.0; x.len()];
+        self.operator.sizes(&x, &mut sizes);
+        for (row, size) in sizes.iter().enumerate() {
+            let (columns, values) = self.matrix.row(row);
+            let exact: f64 = columns.iter().zip(values).map(|(c, v)| (v * x[*c as usize]).abs()).sum();
+            assert!(*size > (1.0 - 1e-12) * exact, "{row}: {size:e} {exact:e}");
+        }
+    }
+
+    /// The matrix of the level of degree 1 is what interpolation makes of the matrix.
+    fn coarser_is_that_of_galerkin(&self) {
+        let (b, given) = (self.layout.components, self.layout.interpolation.as_ref().expect("degree 1"));
+        assert!(self.layout.frames.is_empty(), "in the axes of the scene");
+        let list = |node: usize| &given.weights[given.starts[node]..given.starts[node + 1]];
+        let coarse: Vec<usize> = (0..self.layout.points.len())
+            .filter(|node| matches!(list(*node), [(own, _)] if *own as usize == *node))
+            .collect();
+        let coarser = self.operator.coarser();
+        assert_eq!(coarser.n_nodes, coarse.len());
+        let x = numbers(coarser.places.len());
+        let mut by_place = vec![0.0; self.layout.points.len() * b];
+        coarser.places.iter().zip(&x).for_each(|(place, x)| {
+            by_place[coarse[*place as usize / b] * b + *place as usize % b] = *x;
+        });
+        // fine = P x at the rows that are solved for, then Pᵀ A P x
+        let weights = |place: u32| {
+            list(place as usize / b).iter().map(move |(node, w)| (*node as usize * b + place as usize % b, *w))
+        };
+        let fine: Vec<f64> =
+            self.layout.places.iter().map(|p| weights(*p).map(|(at, w)| w * by_place[at]).sum()).collect();
+        let mut product = vec![0.0; fine.len()];
+        self.matrix.multiply(&fine, &mut product, 1);
+        let mut back = vec![0.0; by_place.len()];
+        for (place, value) in self.layout.places.iter().zip(&product) {
+            weights(*place).for_each(|(at, w)| back[at] += w * value);
+        }
+        let mut own = vec![0.0; x.len()];
+        coarser.matrix.multiply(&x, &mut own, 1);
+        let size = largest(own.iter().copied());
+        for (place, own) in coarser.places.iter().zip(&own) {
+            let exact = back[coarse[*place as usize / b] * b + *place as usize % b];
+            assert!((own - exact).abs() < 1e-12 * size, "{own:e} {exact:e}");
+        }
+    }
+
+    fn agree(&self) {
+        self.products_agree();
+        self.diagonals_agree();
+        if self.layout.frames.is_empty() {
+            self.coarser_is_that_of_galerkin();
+        }
+    }
+}
+
+const ELASTIC: &str = "term elastic on all : (300*Div_u*Id(DIM) + 800*Sym(Grad_u)):Grad_Test_u\n";
+
+#[test]
+fn every_kind_of_cell_and_degree_straight_and_distorted() {
+    let bent = ["", " map [x + 0.1*sin(3*y), y + 0.15*x*x]", " map [x + 0.1*sin(3*y*z), y + 0.15*x*z, z - 0.1*x*y]"];
+    for (dim, cells, spaces) in [
+        (2, "[5,4] tri", &["P2", "P3"][..]),
+        (2, "[5,4] quad", &["Q2"]),
+        (3, "[3,2,3] tet", &["P2", "P3"]),
+        (3, "[3,2,3] hex", &["Q2"]),
+    ] {
+        let (low, high, zero) = if dim == 2 { ("[0,0]", "[1,1]", "[0,0]") } else { ("[0,0,0]", "[1,1,1]", "[0,0,0]") };
+        for map in ["", bent[dim - 1]] {
+            for space in spaces {
+                let body = format!(
+                    "mesh box {low} to {high} cells {cells}{map}\nregion left = faces where x < 0.2\n\
+                     unknown u : vector {space}\n{}fix u = {zero} on left\nload u(1) = 1 on all\n",
+                    ELASTIC.replace("DIM", &dim.to_string())
+                );
+                Both::of(&prepared(&body).system).agree();
+                let heat = format!(
+                    "mesh box {low} to {high} cells {cells}{map}\nregion left = faces where x < 0.2\n\
+                     unknown T : scalar {space}\nterm flow on all : Grad_T.Grad_Test_T + 3*T*Test_T\n\
+                     fix T = 0 on left\nload T = 1 on all\n"
+                );
+                Both::of(&prepared(&heat).system).agree();
+            }
+        }
+    }
+}
+
+/// Entries that change from point to point, two materials, a foundation on the body and springs on a face.
+#[test]
+fn coefficients_materials_and_springs() {
+    let scene = "mesh box [0,0,0] to [2,1,1] cells [6,3,3] tet\nregion near = cells where x < 1\nregion far = all - near\n\
+        region left = faces where x == 0\nregion right = faces where x == 2\nunknown u : vector P2\n\
+        def stiff = 100*(1 + x*y)\nterm here on near : (stiff*Div_u*Id(3) + 2*stiff*Sym(Grad_u)):Grad_Test_u\n\
+        term there on far : (3e4*Div_u*Id(3) + 5e4*(1 + z)*Sym(Grad_u)):Grad_Test_u\nterm bed on all : 7*(1 + y)*u.Test_u\n\
+        term springs on right : 50*(1 + z)*u.Test_u\nfix u(1) = 0 on left\nload u = [0,1,0] on right\n";
+    Both::of(&prepared(scene).system).agree();
+}
+
+/// Two fields on two bodies that are glued, and two fields on one body that a law couples.
+#[test]
+fn several_fields() {
+    let glued = "mesh box [0,0,0] to [2,1,1] cells [4,3,3] hex\nregion near = cells where x < 1\n\
+        region far = cells where x > 1\nregion glue = interface from near to far\nregion left = faces where x == 0\n\
+        region right = faces where x == 2\nunknown u : vector Q2 on near\nunknown v : vector Q2 on far\n\
+        def sigma(w) = 300*Div_w*Id(3) + 800*Sym(Grad_w)\nterm here on near : sigma(u):Grad_Test_u\n\
+        term there on far : sigma(v):Grad_Test_v\n\
+        term tie on glue : 1e4*(u - Interpolate(v, neighbor_element)).(Test_u - Interpolate(Test_v, neighbor_element))\n\
+        fix u = [0,0,0] on left\nload v = [1,1,0] on right\n";
+    Both::of(&prepared(glued).system).agree();
+    let coupled = "mesh box [0,0] to [1,1] cells [6,6] tri\nregion left = faces where x == 0\nunknown a : scalar P2\n\
+        unknown b : scalar P1\nterm both on all : Grad_a.Grad_Test_a + 2*Grad_b.Grad_Test_b + (a - b)*(Test_a - Test_b)\n\
+        fix a = 0 on left\nload b = 1 on all\n";
+    Both::of(&prepared(coupled).system).agree();
+}
+
+/// Rollers on faces that are not along axes: equations in frames of their own.
+#[test]
+fn nodes_with_frames() {
+    let scene = "param a = 0.4\nmesh box [0,0,0] to [2,1,1] cells [4,2,2] tet map [x*cos(a) - y*sin(a), x*sin(a) + y*cos(a), z]\n\
+        region foot = faces where x*cos(a) + y*sin(a) == 0\nregion side = faces where y*cos(a) - x*sin(a) == 0\n\
+        region floor = faces where z == 0\nunknown u : vector P2\n\
+        term elastic on all : (300*Div_u*Id(3) + 800*Sym(Grad_u)):Grad_Test_u\nfix u.Normal = 0 on foot, side, floor\n\
+        load u = [1,0.3,0] on all\n";
+    let both = Both::of(&prepared(scene).system);
+    assert!(!both.layout.frames.is_empty());
+    both.agree();
+}
+
+/// The residual of all dofs, prescribed ones included, is that with a matrix.
+#[test]
+fn residuals_and_reactions() {
+    use wfl_runtime::system::Form;
+    let scene = "mesh box [0,0,0] to [1,1,1] cells [3,3,3] tet\nregion left = faces where x == 0\nunknown u : vector P2\n\
+        term elastic on all : (300*Div_u*Id(3) + 800*Sym(Grad_u)):Grad_Test_u\nfix u = [0,0,0.1] on left\n\
+        load u = [0,0,-1] on all\n";
+    let mut scene = prepared(scene);
+    let u = numbers(scene.system.numbering.n_dofs);
+    let applied = scene.system.residual(&u, &Form::AS_WRITTEN).expect("a residual");
+    scene.system.keep_matrix();
+    scene.system.begin_step(1.0, 1.0).expect("a step");
+    assert!(scene.system.operator().is_none());
+    let stored = scene.system.residual(&u, &Form::AS_WRITTEN).expect("a residual");
+    let size = largest(stored.values.iter().copied());
+    assert!(applied.values.iter().zip(&stored.values).all(|(a, b)| (a - b).abs() < 1e-12 * size));
+    for (bound, exact) in applied.linear_sizes.iter().zip(&stored.linear_sizes) {
+        assert!(*bound > (1.0 - 1e-12) * exact, "{bound:e} {exact:e}");
+    }
+}
