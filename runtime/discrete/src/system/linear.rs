@@ -52,7 +52,7 @@ impl System {
     /// Whether all equations are linear, and their matrix stays while the increment of the step variable does.
     #[must_use]
     pub fn bulk_stays(&self) -> bool {
-        let stays = |law: &TermLaw| !law.tangent_reads_known && !(law.tangent_has_uniforms && !stays(&law.prologue));
+        let stays = |law: &TermLaw| !law.tangent_reads_known && (!law.tangent_has_uniforms || stays(&law.prologue));
         self.is_linear() && self.linear_terms().all(|t| stays(&t.law))
     }
 
