@@ -16,14 +16,14 @@ const METHODS: [[&str; 3]; 3] = [
 
 /// Displacements of the end of the right block: to and fro under a constant pressure, off the other side and back, and with
 /// a pressure that changes its sign.
-const LOADS: [(&str, &str); 3] = [
-    ("-0.01", "0.02*sin(2*pi*t)"),
-    ("-0.01*(1 - 1.2*t*(2 - t))", "0.01*sin(2*pi*t)"),
-    ("-0.01*cos(4*pi*t)", "0.02*sin(2*pi*t)"),
+const LOADS: [[&str; 2]; 3] = [
+    ["-0.01", "0.02*sin(2*pi*t)"],
+    ["-0.01*(1 - 1.2*t*(2 - t))", "0.01*sin(2*pi*t)"],
+    ["-0.01*cos(4*pi*t)", "0.02*sin(2*pi*t)"],
 ];
 
 /// The most iterations of a step, and the shear force at the end of each.
-fn ran([multiplier, slip, contact]: [&str; 3], (pressed, moved): (&str, &str), gamma: f64) -> (usize, Vec<f64>) {
+fn ran([multiplier, slip, contact]: [&str; 3], [pressed, moved]: [&str; 2], gamma: f64) -> (usize, Vec<f64>) {
     let text = format!(
         "use \"elasticity\"\nuse \"contact\"\nparam gamma = 1\nmesh box [-1,0] to [1,2] cells [16,16] quad\n\
          region left = cells where x < 0\nregion right = cells where x > 0\nregion fault = interface from left to right\n\
@@ -36,7 +36,7 @@ fn ran([multiplier, slip, contact]: [&str; 3], (pressed, moved): (&str, &str), g
     let solved = solve(&examples(), text, &[], &[("gamma", gamma)]).unwrap_or_else(|e| panic!("{e}"));
     assert!(solved.outcome.converged(), "{contact} {gamma:e}");
     let steps = &solved.outcome.steps;
-    let most = steps.iter().map(|step| step.iterations()).max().unwrap_or(0);
+    let most = steps.iter().map(|step| step.history.n_iterations()).max().unwrap_or(0);
     (most, (0..steps.len()).map(|k| solved.measure(k, "shear")).collect())
 }
 

