@@ -28,7 +28,7 @@ fn text(body: &Body<'_>, linear: &str) -> String {
          region low = faces where z == 0\nregion high = faces where z == 1\nunknown u : vector {space}\n\
          steps t = {steps}\ndef F = Id(3) + Grad_u\n\
          def P = mu*(F - Inv(F)') + lambda*log(Det(F))*Inv(F)'\nterm elastic on all : P:Grad_Test_u\n{held}\
-         measure energy = integral(mu/2*(F:F - 3 - 2*log(Det(F))) + lambda/2*log(Det(F))^2) on all\n\
+         measure stored = integral(mu/2*(F:F - 3 - 2*log(Det(F))) + lambda/2*log(Det(F))^2) on all\n\
          measure far = max(Norm(u)) on all\nmeasure mean = mean(u.u) on all\nsolver linear with {linear}\n"
     )
 }
@@ -38,14 +38,8 @@ const MOVED: &str = "fix u = [0,0,0] on low\nfix u = [t,0,-0.5*t] on high\n";
 /// Forces on one end.
 const PULLED: &str = "fix u = [0,0,0] on low\nload u = [2*t,t,6*t] on high\n";
 
-const BLOCK: Body<'_> = Body {
-    size: "[1,1,1]",
-    cells: "[9,9,9] hex",
-    space: "Q1",
-    nu: 0.3,
-    held: MOVED,
-    steps: "0.1 to 0.2 by 0.1",
-};
+const BLOCK: Body<'_> =
+    Body { size: "[1,1,1]", cells: "[9,9,9] hex", space: "Q1", nu: 0.3, held: MOVED, steps: "0.1 to 0.2 by 0.1" };
 
 fn outcome(text: &str, threads: usize) -> Outcome {
     let mut sources = SourceMap::new();
