@@ -28,7 +28,7 @@ fn text(body: &Body<'_>, linear: &str) -> String {
          region low = faces where z == 0\nregion high = faces where z == 1\nunknown u : vector {space}\n\
          steps t = {steps}\ndef F = Id(3) + Grad_u\n\
          def P = mu*(F - Inv(F)') + lambda*log(Det(F))*Inv(F)'\nterm elastic on all : P:Grad_Test_u\n{held}\
-         measure energy = integral(mu/2*(F:F - 3 - 2*log(Det(F))) + lambda/2*log(Det(F))^2) on all\n\
+         measure stored = integral(mu/2*(F:F - 3 - 2*log(Det(F))) + lambda/2*log(Det(F))^2) on all\n\
          measure far = max(Norm(u)) on all\nmeasure mean = mean(u.u) on all\nsolver linear with {linear}\n"
     )
 }

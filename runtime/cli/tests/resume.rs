@@ -89,6 +89,28 @@ output vtk "u" : u
     goes_on_to_the_same_bytes(&folder, &scene, 50);
 }
 
+/// Levels of multigrid are made of the tangents of a step, and kept in it.
+#[test]
+fn a_killed_run_by_conjugate_gradients_on_tangents_goes_on_to_the_same_bytes() {
+    let folder = Folder::new("killed-tangents");
+    let scene = folder.0.join("bent.wfl");
+    let text = r#"wfl 1
+mesh box [0,0,0] to [1,1,1] cells [9,9,9] hex
+region low = faces where z == 0
+unknown u : vector Q1
+steps t = 0.02 to 0.2 by 0.02
+def F = Id(3) + Grad_u
+term elastic on all : (4*(F - Inv(F)') + 6*log(Det(F))*Inv(F)'):Grad_Test_u
+fix u = [0,0,0] on low
+load u = [t,0,3*t] on all
+solver linear with cg, amg
+measure far = max(Norm(u)) on all
+output vtk "u" : u
+"#;
+    std::fs::write(&scene, text).expect("writable");
+    goes_on_to_the_same_bytes(&folder, &scene, 10);
+}
+
 /// Velocities and accelerations pass from step to step.
 #[test]
 fn a_killed_run_with_inertia_and_contact_goes_on_to_the_same_bytes() {

@@ -279,10 +279,10 @@ pages! {
     page(
         E442,
         "an iteration that the scene does not allow",
-        "`cg` solves by conjugate gradients, preconditioned by multigrid (`amg`). They need a linear scene with one \
-         symmetric positive definite matrix: no multipliers, no terms that are not symmetric, no unknowns that follow \
-         others, and the same number of components, at most three, in all fields that are solved for. The message says \
-         what stands against it. `gmres, amg` is the iteration for contact: nonlinear terms on faces of bodies that are \
+        "`cg` solves by conjugate gradients, preconditioned by multigrid (`amg`). They need symmetric positive \
+         definite matrices: no multipliers, no terms that are not symmetric, no unknowns that follow others, and the same \
+         number of components, at most three, in all fields that are solved for; terms that are not linear touch most \
+         unknowns. The message says what stands against it. `gmres, amg` is the iteration for contact: nonlinear terms on faces of bodies that are \
          linear and symmetric. Without these words a small scene gets a factor, which serves every matrix.",
         "solver linear with cg, amg  # ... in a scene with `term wind on all : (c.Grad_p)*Test_p`",
         "solver linear with direct",
