@@ -20,7 +20,7 @@ pub struct Body {
     element: &'static str,
 }
 
-const BENT: &str = " map [x + 0.1*sin(y*z), y + 0.1*x*z, z - 0.1*x*y]";
+const BENT: &str = " map [x + 0.1*x*sin(y*z), y + 0.1*x*z, z - 0.1*x*y]";
 
 /// The bodies of the table: an elastic block in double and in single precision, on straight cells and on bent ones.
 pub const BODIES: [Body; 6] = [

@@ -12,16 +12,19 @@ use wfl_sparse::solve::{SolveError, SolverOptions};
 use super::iterative;
 use super::plan::{Held, LinearPlan};
 
-/// Seconds of a product with a sum in single precision, on one thread, where terms are applied: TODO of the processor that
-/// `cargo run --release -p wfl-tests --bin operators` was run on.
-const OPERATION_SECONDS: f64 = 1.0 / 20e9;
-/// Seconds in which a number of a node is read by a cell, or added to.
-const GATHER_SECONDS: f64 = 1.0 / 0.6e9;
-/// Entries of a matrix for each entry of the matrices of its cells: 0.40 for tetrahedra of degree 2, 0.70 for hexahedra.
-const ASSEMBLED: f64 = 0.4;
-/// Seconds in which an entry of single precision, with its part of an index, is read from the memory.
-const ENTRY_SECONDS: f64 = 4.5 / 10e9;
-/// Bytes of levels and operator for each unknown.
+/// Seconds of a product with a sum in single precision where terms are applied, on one thread: with the next number it gives what
+/// `--bin operators` of wfl-tests measured of tetrahedra of degree 2 and 3 and of hexahedra of degree 2, to 6 %.
+const OPERATION_SECONDS: f64 = 1.0 / 53e9;
+/// Seconds in which a cell reads a number of a node, or adds to it: measured with the one before.
+const GATHER_SECONDS: f64 = 1.0 / 2.1e9;
+/// Part of the entries of the matrices of all cells that the matrix has: counted, 0.38 for tetrahedra of degree 2, 0.54 of
+/// degree 3, 0.69 for hexahedra of degree 2.
+const ASSEMBLED: f64 = 0.38;
+/// Seconds in which an entry of single precision and its share of an index are read from the memory: 4.5 bytes at the 6.9 GB/s
+/// of a triad there.
+const ENTRY_SECONDS: f64 = 4.5 / 6.9e9;
+/// Bytes of levels and operator for each unknown: estimated from the sizes of the arrays for tetrahedra of degree 2, half of it
+/// the levels of degree 1 and below.
 const BYTES: u64 = 250;
 
 /// Whether a system is solved by conjugate gradients without a matrix.

@@ -18,24 +18,31 @@ fn main() -> Result<(), String> {
         machine.double / 1e9
     ))?;
     line(String::new())?;
-    line("| body | unknowns | matrix, M/s | of triad | applied, M/s | single, M/s | of arithmetic | bytes for each unknown, matrix | applied |".to_owned())?;
+    line(
+        "| body | unknowns | matrix, M/s | of triad | bytes | applied, M/s | single, M/s | of arithmetic | bytes |"
+            .to_owned(),
+    )?;
     line("|---|---|---|---|---|---|---|---|---|".to_owned())?;
     for body in BODIES.iter().filter(|body| only.as_ref().is_none_or(|name| body.name.contains(name.as_str()))) {
         let found = measure(body)?;
         #[expect(clippy::cast_precision_loss, reason = "a count")]
         let n = found.unknowns as f64;
-        line(format!(
-            "| {} | {} | {:.1} | {:.2} | {:.1} | {:.1} | {:.2} | {:.0} | {:.0} |",
+        let stored = format!(
+            "| {} | {} | {:.1} | {:.2} | {:.0} |",
             body.name,
             found.unknowns,
             n / found.stored / 1e6,
             found.matrix_bytes / found.stored / machine.bandwidth,
+            found.matrix_bytes / n
+        );
+        let applied = format!(
+            " {:.1} | {:.1} | {:.2} | {:.0} |",
             n / found.applied / 1e6,
             n / found.single / 1e6,
             found.operations / found.single / machine.single,
-            found.matrix_bytes / n,
-            found.applied_bytes / n,
-        ))?;
+            found.applied_bytes / n
+        );
+        line(stored + if found.applied.is_finite() { &applied } else { " - | - | - | - |" })?;
     }
     Ok(())
 }
