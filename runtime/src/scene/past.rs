@@ -51,12 +51,13 @@ impl Builder<'_> {
         }
         let starts = &numbering.starts;
         let has_rates = super::rates::of(integration.scheme, self.env.rates, &self.fields, numbering).is_some();
+        let readings = readings(has_rates);
         let mut forms = Vec::new();
         for (k, term) in made.terms.iter().enumerate() {
-            if !is_affine_in_the_past(&term.law, &term.integrator, starts, has_rates) {
+            if !is_affine_in_the_past(&term.law, &term.integrator, starts, readings) {
                 continue;
             }
-            let laws = self.laws_in_the_past(&term.law, has_rates);
+            let laws = self.laws_in_the_past(&term.law, readings);
             forms.extend(laws.into_iter().flatten().filter_map(|(reading, law)| {
                 Some(PastForm { term: k, reading, form: self.form(law, &term.integrator, starts)? })
             }));
@@ -65,9 +66,10 @@ impl Builder<'_> {
     }
 
     /// The derivatives of a term in all that its constants read, those that are not zero; `None` where they would not stay.
-    fn laws_in_the_past(&self, law: &TermLaw, has_rates: bool) -> Option<Vec<(Reading, TermLaw)>> {
+    fn laws_in_the_past(&self, law: &TermLaw, readings: &[Reading]) -> Option<Vec<(Reading, TermLaw)>> {
+        let has_rates = readings.contains(&Reading::Current);
         let mut laws = Vec::new();
-        for reading in readings(has_rates) {
+        for reading in readings {
             let Some(made) = compile_linear_part(self.env.fields, law, *reading) else { continue };
             if has_rates && is_of_rates(&made) {
                 continue;

@@ -51,21 +51,21 @@ pub fn readings(has_rates: bool) -> &'static [Reading] {
     if has_rates { &ALL } else { &ALL[..1] }
 }
 
-/// Whether a term is affine in the unknowns as it reads them, now and in the past, and reads no other field, and with rates
-/// or a past its constants change from step to step. `starts` are the first dofs of the fields.
+/// Whether a term is affine in the unknowns as it reads them, now and in the past, and reads no other field, and its constants
+/// at the states of `readings` change from step to step. `starts` are the first dofs of the fields.
 #[must_use]
 pub fn is_affine_in_the_past(
     law: &TermLaw,
     integrator: &Integrator,
     starts: &[Option<usize>],
-    has_rates: bool,
+    readings: &[Reading],
 ) -> bool {
     let is_past = |slot: &InputSlot| matches!(slot, InputSlot::Previous(_) | InputSlot::History(..));
     let field = |slot: &InputSlot| match slot {
         InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => Some(b.field.index()),
         _ => None,
     };
-    let changes = law.inputs.iter().any(is_past) || has_rates && law.class == Class::Linear;
+    let changes = law.inputs.iter().any(is_past) || readings.contains(&Reading::Current) && law.class == Class::Linear;
     changes
         && law.class <= Class::Linear
         && !integrator.moves()
