@@ -9,7 +9,7 @@ use wfl_runtime::{
     Scene, System,
     csr::Csr,
     prepare,
-    solve::{NodeLayout, Operator},
+    solve::{CheckedMultigrid, NodeLayout, Operator, SolverOptions},
 };
 
 /// A scene whose linear terms have an operator.
@@ -247,5 +247,29 @@ fn residuals_and_reactions() {
     assert!(applied.values.iter().zip(&stored.values).all(|(a, b)| (a - b).abs() < 1e-12 * size));
     for (bound, exact) in applied.linear_sizes.iter().zip(&stored.linear_sizes) {
         assert!(*bound > (1.0 - 1e-12) * exact, "{bound:e} {exact:e}");
+    }
+}
+
+/// Conjugate gradients take as many iterations as with the matrix, within one, and give its solution.
+#[test]
+fn iterations_are_those_with_the_matrix() {
+    for (cells, space) in [("[8,4,4] tet", "P2"), ("[6,3,3] tet", "P3"), ("[6,4,4] hex", "Q2")] {
+        let scene = prepared(&format!(
+            "mesh box [0,0,0] to [2,1,1] cells {cells}\nregion left = faces where x == 0\nunknown u : vector {space}\n\
+             term elastic on all : (300*Div_u*Id(3) + 800*Sym(Grad_u)):Grad_Test_u\nfix u = [0,0,0] on left\n\
+             load u = [0,0,-1] on all\n"
+        ));
+        let Both { operator, matrix, layout } = Both::of(&scene.system);
+        let n = matrix.n_rows();
+        let (mut applied, mut stored) = (vec![0.0; n], vec![0.0; n]);
+        let mut solver = CheckedMultigrid::new(layout.clone(), SolverOptions::default());
+        assert!(solver.take_operator(operator).expect("levels"));
+        let with_operator = solver.solve_to(&numbers(n), &mut applied, 0.0).expect("a solution").krylov_iterations;
+        let mut solver = CheckedMultigrid::new(layout, SolverOptions::default());
+        solver.take(matrix).expect("levels");
+        let with_matrix = solver.solve_to(&numbers(n), &mut stored, 0.0).expect("a solution").krylov_iterations;
+        assert!(with_operator.abs_diff(with_matrix) <= 1, "{space}: {with_operator} and {with_matrix}");
+        let size = largest(stored.iter().copied());
+        assert!(applied.iter().zip(&stored).all(|(a, b)| (a - b).abs() < 1e-9 * size), "{space}");
     }
 }
