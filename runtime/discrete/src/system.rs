@@ -353,12 +353,7 @@ impl System {
         constants?;
         let stale = self.linear_is_stale();
         if stale {
-            if self.without_matrix {
-                self.linear = None;
-                self.linear = Some(Arc::new(LinearMatrix::Applied(Arc::new(self.make_operator()?))));
-            } else {
-                self.assemble_linear(&zero)?;
-            }
+            self.renew_linear(&zero)?;
             self.linear_uniforms = self.linear_terms().map(|t| t.uniforms().to_vec()).collect();
         }
         Ok(stale)

@@ -65,6 +65,17 @@ impl System {
         self.linear.is_none() || self.linear_terms().zip(&self.linear_uniforms).any(changed)
     }
 
+    /// Makes the matrix of the linear terms, or the operator in its place.
+    pub(super) fn renew_linear(&mut self, zero: &[f64]) -> Result<(), SystemError> {
+        if !self.without_matrix {
+            return self.assemble_linear(zero);
+        }
+        // what was made before goes first
+        self.linear = None;
+        self.linear = Some(Arc::new(LinearMatrix::Applied(Arc::new(self.make_operator()?))));
+        Ok(())
+    }
+
     /// Assembles the matrix of the linear terms, and its part over the free dofs.
     pub(super) fn assemble_linear(&mut self, zero: &[f64]) -> Result<(), SystemError> {
         let mut linear = match self.linear.take().map(Arc::try_unwrap) {
