@@ -177,7 +177,9 @@ impl LinearSolver {
     /// first step.
     #[must_use]
     pub fn needs_no_matrix(system: &System, options: &SolverOptions) -> bool {
-        without_matrix::is_chosen(system, options)
+        let SolverOptions { method, solutions, library, .. } = *options;
+        let iterates = library.is_none() && system.is_linear() && iterative::is_chosen(system, method, solutions);
+        iterates && without_matrix::pays(system)
     }
 
     /// The solver that a system asks for; nothing is assembled for it. A linear part that turns out not to be positive
@@ -189,7 +191,7 @@ impl LinearSolver {
             return LinearPlan::Library(library.plan(&library::traits(system)));
         }
         if let Some(iterative) = iterative::plan(system, method, solutions) {
-            return without_matrix::plan(system, options, iterative);
+            return without_matrix::plan(system, iterative);
         }
         if let Some(filtered) = filtered::plan(system, method, solutions) {
             return filtered;

@@ -7,9 +7,8 @@ use std::sync::Arc;
 use wfl_discrete::assemble::Counts;
 use wfl_discrete::system::{System, SystemError};
 use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{SolveError, SolverOptions};
+use wfl_sparse::solve::SolveError;
 
-use super::iterative;
 use super::plan::{Held, LinearPlan};
 
 /// Seconds of a product with a sum in single precision where terms are applied, on one thread: with the next number it gives what
@@ -27,13 +26,6 @@ const ENTRY_SECONDS: f64 = 4.5 / 6.9e9;
 /// the levels of degree 1 and below.
 const BYTES: u64 = 250;
 
-/// Whether a system is solved by conjugate gradients without a matrix.
-#[must_use]
-pub(super) fn is_chosen(system: &System, options: &SolverOptions) -> bool {
-    let SolverOptions { method, solutions, library, .. } = *options;
-    library.is_none() && system.is_linear() && iterative::is_chosen(system, method, solutions) && pays(system)
-}
-
 /// Whether nothing stands against terms that are applied, and a product with them is foreseen to be faster.
 pub(super) fn pays(system: &System) -> bool {
     system.is_linear() && system.obstacle_to_operator().is_none() && is_faster(&system.counts_of_product())
@@ -50,14 +42,14 @@ pub(super) fn bytes(n: usize) -> u64 {
 }
 
 /// The plan of an iteration with how its matrix is held, where elements of degree 2 and more leave a choice.
-pub(super) fn plan(system: &System, options: &SolverOptions, iteration: LinearPlan) -> LinearPlan {
+pub(super) fn plan(system: &System, iteration: LinearPlan) -> LinearPlan {
     let solved = (0..system.fields.len()).filter(|k| system.range(*k).is_some());
     if !system.is_linear() || solved.map(|k| system.fields[k].degree()).max().unwrap_or(0) < 2 {
         return iteration;
     }
     let held = match system.obstacle_to_operator() {
         Some(why) => Held::Stored(why),
-        None if is_chosen(system, options) => Held::Applied,
+        None if pays(system) => Held::Applied,
         None => Held::Stored("that is faster".to_owned()),
     };
     LinearPlan::WithOperator(Box::new(iteration), held)

@@ -7,6 +7,8 @@ use wfl_sparse::csr::{
     Csr, CsrError, Outside, Pattern, PatternBuilder, Restriction, product_and_size, product_and_sizes,
 };
 
+use wfl_sparse::solve::Operator;
+
 use super::{System, SystemError, operator::LinearOperator, past::stays, pattern};
 use crate::assemble::AssembledTerm;
 
@@ -63,6 +65,15 @@ impl System {
             law.tangent_reads_known || law.tangent_has_uniforms && term.uniforms() != uniforms
         };
         self.linear.is_none() || self.linear_terms().zip(&self.linear_uniforms).any(changed)
+    }
+
+    /// The operator in place of [`Self::bulk`], where there is one.
+    #[must_use]
+    pub fn operator(&self) -> Option<Arc<dyn Operator>> {
+        match self.linear.as_deref() {
+            Some(LinearMatrix::Applied(operator)) => Some(Arc::clone(operator) as Arc<dyn Operator>),
+            _ => None,
+        }
     }
 
     /// Makes the matrix of the linear terms, or the operator in its place.

@@ -102,15 +102,6 @@ impl System {
         (self.without_matrix, self.linear) = (false, None);
     }
 
-    /// The operator in place of [`Self::bulk`], where there is one.
-    #[must_use]
-    pub fn operator(&self) -> Option<Arc<dyn Operator>> {
-        match self.linear.as_deref() {
-            Some(super::linear::LinearMatrix::Applied(operator)) => Some(Arc::clone(operator) as Arc<dyn Operator>),
-            _ => None,
-        }
-    }
-
     /// The matrix of the linear terms over the free dofs, assembled now where an operator stands in its place.
     ///
     /// # Errors

@@ -5,8 +5,8 @@
 //! any rule could reach (the rule of who rents skis or buys them; Karlin, Manasse, Rudolph and Sleator 1988). All is counted
 //! in iterations and nothing is timed, so that equal runs decide alike.
 
-/// Iterations that take as long as new levels do. Measured on cubes of quadratic tetrahedra and trilinear hexahedra
-/// (docs/solvers.md).
+/// Iterations that take as long as new levels do: an estimate from the products that the Galerkin matrices of a cube of
+/// quadratic tetrahedra take.
 const LEVELS: f64 = 15.0;
 
 /// What is known of the levels in use.
