@@ -166,7 +166,7 @@ fn the_bits_are_those_of_any_number_of_threads_and_of_a_run_that_goes_back() {
         }
         let options = RunOptions { keep_states: true, ..RunOptions::without_files(1, Instant::now()) };
         let mut session = Session::new(&scene, options).expect("a session");
-        let mut go = |session: &mut Session, steps: usize| {
+        let go = |session: &mut Session, steps: usize| {
             for _ in 0..steps {
                 session.step(&scene, &mut Quiet).expect("a step").expect("a step is left");
             }
