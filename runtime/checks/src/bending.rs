@@ -48,8 +48,8 @@ const SINGULAR: f64 = 1e-12;
 /// 2.
 const GAUSS: f64 = 0.577_350_269_189_625_8;
 
-/// A strain below this part of the turns and of the motion over the extent is rounding, whose factor beside the roundoff of
-/// 2e-16 grows with the cells across a body.
+/// A strain below this part of the turns and of the motion over the extent is rounding: its factor beside the roundoff of
+/// 2e-16 grows with the cells across a body, of which there are thousands at most.
 const UNSTRAINED: f64 = 1e-12;
 
 /// A body in bending on elements of degree 1 that lock.

@@ -15,10 +15,11 @@ use super::{
 /// What a solution may leave, relative to what changed branches leave: with a hundredth the iterations of the scenes in
 /// `runtime/cli/tests/petsc.rs` are as many as with a factor.
 const OF_THE_CHANGES: f64 = 0.01;
-/// The part of that which is asked for, so that it is met in one attempt more often than not.
+/// The part of that which is asked for: half a digit below, so that it is met in one attempt more often than not.
 const ASKED: f64 = 0.3;
 /// The first attempt at a correction leaves no more than this, relative to its right-hand side, and a later one is asked for
-/// a digit at least.
+/// a digit at least: three digits are what a correction far from the solution is worth, and an attempt that gains less than
+/// a digit costs its start again.
 const FIRST: f64 = 1e-3;
 const LEAST: f64 = 0.1;
 /// The most that one attempt is asked for while branches change, relative to what is left: they may change for what the last has left.
