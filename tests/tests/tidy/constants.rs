@@ -18,11 +18,7 @@ fn numbers_that_decide_say_what_they_are() {
     let bare = names(|constant| constant.unit.is_none());
     assert!(bare.is_empty(), "without a unit in words, `part of ...`:\n{}", bare.join("\n"));
     let unfounded = names(|constant| constant.why.is_none());
-    assert!(
-        unfounded.is_empty(),
-        "without a reason behind a colon or in a second sentence:\n{}",
-        unfounded.join("\n")
-    );
+    assert!(unfounded.is_empty(), "without a reason behind a colon or in a second sentence:\n{}", unfounded.join("\n"));
 }
 
 #[test]
