@@ -1,7 +1,7 @@
 //! Conjugate gradients with multigrid on the tangents of nonlinear bodies against factors: the same iterations of Newton, the
 //! same measures, the same bits for any number of threads; and what takes its place where it does not serve.
 
-use std::{path::Path, time::Instant};
+use std::{io::Write as _, path::Path, time::Instant};
 
 use wfl::{NoFiles, SourceMap, resolve};
 use wfl_jit::JitBackend;
@@ -156,7 +156,7 @@ fn a_plane_body_is_iterated_on_request() {
     }
 }
 
-/// Prints the table of docs/solvers.md.
+/// Prints the iterations of a solution, on average over a run, by refinement.
 #[test]
 #[ignore = "minutes, for a page"]
 fn iterations_by_refinement() {
@@ -176,7 +176,7 @@ fn iterations_by_refinement() {
             let made = outcome(&text(&Body { cells: &cells, ..body }, "cg, amg"), 2);
             let solver = made.report.solver.clone().unwrap_or_default();
             let way = if solver.contains("in place of") { "a factor took over" } else { "" };
-            println!("| {name} | {n} | {:.1} | {way} |", for_a_solution(&made));
+            writeln!(std::io::stdout(), "| {name} | {n} | {:.1} | {way} |", for_a_solution(&made)).expect("a terminal");
         }
     }
 }

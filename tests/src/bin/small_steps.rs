@@ -133,7 +133,7 @@ fn main() -> ExitCode {
     let folder = std::env::temp_dir().join(format!("wfl-steps-{}", std::process::id()));
     let made = std::fs::create_dir_all(&folder).map_err(|e| e.to_string());
     let program = std::env::current_exe().map(|path| path.with_file_name("wfl")).map_err(|e| e.to_string());
-    let result = made.and_then(|()| program).and_then(|program| table(&program, &folder));
+    let result = made.and(program).and_then(|program| table(&program, &folder));
     let _ = std::fs::remove_dir_all(&folder);
     match result {
         Ok(()) => ExitCode::SUCCESS,
