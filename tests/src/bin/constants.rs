@@ -8,7 +8,7 @@ use std::{
     path::Path,
 };
 
-use wfl_tests::constants::{Copy, RANGES, page, ranges, single_constants, write_ranges};
+use wfl_tests::constants::{RANGES, VariedWorkspace, page, ranges, single_constants, write_ranges};
 
 fn main() -> io::Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize()?;
@@ -31,7 +31,7 @@ fn vary(root: &Path, names: &[String]) -> io::Result<()> {
     let wanted: Vec<_> = single_constants(root).into_iter().filter(|(name, c)| is_wanted(name, &c.value)).collect();
     let mut out = io::stdout();
     writeln!(out, "{} constants; building a copy in target/varied", wanted.len())?;
-    let mut copy = Copy::new(root)?;
+    let mut copy = VariedWorkspace::new(root)?;
     let usual = copy.measure()?;
     writeln!(out, "the suites take {:.0} s; parts of lists or tables are left out:", usual.as_secs_f64())?;
     copy.left_out().try_for_each(|name| writeln!(out, "  {name}"))?;

@@ -5,7 +5,7 @@
 //! stands in it in words (`part of the residual norm`); whole numbers count something. A constant without a comment of its
 //! own, right behind another one, shares that one's.
 //!
-//! In which range suites pass is measured ([`Copy`]) and kept in `ranges.csv`; what was found with another value does not
+//! In which range suites pass is measured ([`VariedWorkspace`]) and kept in `ranges.csv`; what was found with another value does not
 //! count.
 
 mod rewritten;
@@ -16,7 +16,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-pub use varied::{Copy, Range, SUITES, read_ranges, write_ranges};
+pub use varied::{Range, SUITES, VariedWorkspace, read_ranges, write_ranges};
 
 /// Where the numbers stand, and what decides there.
 const FOLDERS: [(&str, &str); 4] = [

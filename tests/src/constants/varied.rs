@@ -77,7 +77,7 @@ struct Suite {
 }
 
 /// The copy of the workspace.
-pub struct Copy {
+pub struct VariedWorkspace {
     root: PathBuf,
     suites: Vec<Suite>,
     left_out: BTreeSet<String>,
@@ -114,7 +114,7 @@ fn in_crate(folder: &str) -> (&str, &str) {
     }
 }
 
-impl Copy {
+impl VariedWorkspace {
     /// Makes and builds the copy of the workspace at `root` in `target/varied`.
     ///
     /// # Errors
