@@ -26,7 +26,8 @@ const ONE_MATRIX: Ways = Ways {
 };
 /// Of tangents. Measured on four steps of neo-Hookean cubes, in seconds of a processor that others used, too: quadratic tetrahedra
 /// with 43,000 unknowns 20 with factors and 21 with the iteration, trilinear hexahedra with 33,000 unknowns 16 and 11; the
-/// numbers lie between. Peaks of memory were 0.94 and 0.37 GB, 0.72 and 0.29 GB. With 13,000 unknowns factors take half the time.
+/// numbers lie between. An idle processor took 14 and 7, 10 and 7 (docs/solvers.md): the iteration is foreseen at up to twice its
+/// time. Peaks of memory were 0.94 and 0.37 GB, 0.72 and 0.29 GB.
 const TANGENTS: Ways = Ways {
     factors: Factors { bytes: 25e3, seconds: 5.0, power: 1.85, solution: 0.4 },
     iteration: Iteration { bytes: 700.0, levels: 2.1, solution: 0.7 },
