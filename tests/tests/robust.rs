@@ -228,6 +228,9 @@ fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
         let counts: Vec<usize> = solved.outcome.steps.iter().map(|s| s.history.n_iterations()).collect();
         assert!(solved.outcome.converged() && counts.iter().all(|n| *n <= 60), "{method}: {counts:?}");
         assert!(solved.outcome.steps.iter().all(|s| s.parts().is_empty()), "{method}");
+        assert!(doubts(&solved.outcome).iter().any(|(code, _)| *code == "W609"), "{:?}", doubts(&solved.outcome));
+        let most = solved.outcome.steps.iter().map(|s| s.others).max();
+        assert!(most >= Some(Others::Possible), "no tangent on the way had the other sign");
         for (step, values) in expected {
             for (name, value) in ["Fn", "Ft", "slip"].into_iter().zip(values) {
                 let found = solved.measure(step, name);
@@ -237,19 +240,14 @@ fn large_friction_on_a_fault_that_opens_is_solved_in_whole_steps() {
     }
 }
 
-/// With more friction a path is needed, and turns round on its way; a tangent of the other sign, and that, are told.
+/// With more friction a path is needed, and turns round on its way: that is told.
 #[test]
 fn a_path_that_turns_round_is_told() {
     let text = inclined(0.57735, 3.0, [12, 10], "[0.7*t,-t]", "steps t = 0 to 7 by 1", PENALTY);
-    for (fric, turns) in [(5.0, false), (9.0, true)] {
-        let solved =
-            solve(&examples(), text.clone(), &[], &[("gamma", 1e8), ("fric", fric)]).expect("the scene is right");
-        assert!(solved.outcome.converged());
-        assert!(doubts(&solved.outcome).iter().any(|(code, _)| *code == "W609"), "{:?}", doubts(&solved.outcome));
-        let most = solved.outcome.steps.iter().map(|s| s.others).max();
-        assert!(most >= Some(Others::Possible), "no tangent on the way had the other sign");
-        assert_eq!(solved.outcome.steps.iter().any(|s| s.history.turns > 0), turns, "friction {fric}");
-    }
+    let solved = solve(&examples(), text, &[], &[("gamma", 1e8), ("fric", 9.0)]).expect("the scene is right");
+    assert!(solved.outcome.converged());
+    assert!(solved.outcome.steps.iter().any(|s| s.history.turns > 0), "no path turned round");
+    assert!(doubts(&solved.outcome).iter().any(|(code, _)| *code == "W609"), "{:?}", doubts(&solved.outcome));
 }
 
 /// Where the points are the nodes of a plane interface the law of a multiplier holds at each of them, and no parameter of

@@ -57,12 +57,15 @@ fn extent(system: &System) -> f64 {
 #[must_use]
 pub fn driven_sides(system: &System, u: &[f64]) -> Vec<DrivenSides> {
     let dim = system.mesh.dim();
-    // what no cell knows of is no body: a traction that is declared as an unknown on the faces
-    let in_cells =
-        |k: &usize| system.terms.iter().any(|t| t.on_cells() && t.law.tests.iter().any(|s| s.field.index() == *k));
+    // what no cell knows of is no body, a traction that is declared as an unknown on the faces; but one vector for the scene
+    // is a rigid one
+    let moves_cells = |k: usize| {
+        let tests = |t: &AssembledTerm| t.on_cells() && t.law.tests.iter().any(|s| s.field.index() == k);
+        matches!(system.fields[k].space, FieldSpace::Global) || system.terms.iter().any(tests)
+    };
     let is_body = |k: &usize| {
         let f = &system.fields[*k];
-        f.kind == FieldKind::Unknown && f.n_components == dim && dim > 1 && !f.is_at_points() && in_cells(k)
+        f.kind == FieldKind::Unknown && f.n_components == dim && dim > 1 && !f.is_at_points() && moves_cells(*k)
     };
     let mut found = Vec::new();
     // a law that reads the traction of a body is judged with the other terms of its region (W507 to W510)

@@ -5,7 +5,7 @@
 
 use wfl_compiler::types::{BasisSlot, FieldKind, FieldOp, InputSlot};
 use wfl_contact::Contact;
-use wfl_discrete::system::System;
+use wfl_discrete::{field::FieldSpace, system::System};
 
 /// A field that is a traction, and the contact term that reads it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,9 +33,11 @@ pub fn undeclared_multipliers(system: &System, contact: &Contact) -> Vec<Undecla
     };
     let candidates = (0..system.fields.len()).filter(|k| {
         let field = &system.fields[*k];
-        field.kind == FieldKind::Unknown && field.n_components == dim && dim > 1 && system.range(*k).is_some()
+        let is_vector = field.kind == FieldKind::Unknown && field.n_components == dim && dim > 1;
+        // one vector for the scene is the motion of a rigid body
+        is_vector && !matches!(field.space, FieldSpace::Global) && !field.is_at_points() && system.range(*k).is_some()
     });
-    let candidates: Vec<usize> = candidates.filter(|k| !system.fields[*k].is_at_points() && !is_of_body(*k)).collect();
+    let candidates: Vec<usize> = candidates.filter(|k| !is_of_body(*k)).collect();
     let mut found = Vec::new();
     for field in candidates {
         let reads = |slots: &[InputSlot]| slots.iter().any(|s| matches!(s, InputSlot::Field(b) if is_of(b, field)));

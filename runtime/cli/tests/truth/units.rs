@@ -265,3 +265,27 @@ fn a_pressure_that_passes_through_zero_leaves_nothing_to_judge() {
         run("units-zero", &scene, &[&format!("gamma={gamma}")]).assert_silent();
     }
 }
+
+#[test]
+fn a_rigid_body_is_no_traction() {
+    // a plate that moves as a whole presses a block of modulus 1000 with P = 1: down by P/1000 and the overlap P/gamma
+    let plate = "wfl 1
+param gamma = 1e5
+param P = 1
+mesh box [0,0] to [1,1] cells [4,4] quad
+region top = faces where y == 1
+region bottom = faces where y == 0
+unknown u : vector
+unknown d : vector global
+term body on all : 1000*Sym(Grad_u):Grad_Test_u
+term plate on top : gamma*pos_part((u - d).Normal)*((Test_u - Test_d).Normal)
+term guide on global : 10*d(1)*Test_d(1)
+term push on global : P*Test_d(2)
+fix u = [0,0] on bottom
+start d = [0,-1e-4]
+measure down = mean(d(2)) on all
+";
+    let ran = run("rigid-plate", plate, &[]);
+    ran.assert_silent();
+    assert!((ran.last("down") + 1.0 / 1000.0 + 1.0 / 1e5).abs() < 1e-9, "{}", ran.text);
+}

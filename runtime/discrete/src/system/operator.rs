@@ -97,11 +97,6 @@ impl System {
         }
     }
 
-    /// From the next step on the linear terms have a matrix.
-    pub fn keep_matrix(&mut self) {
-        (self.without_matrix, self.linear) = (false, None);
-    }
-
     /// The matrix of the linear terms over the free dofs, assembled now where an operator stands in its place.
     ///
     /// # Errors

@@ -155,7 +155,7 @@ impl CheckedMultigrid {
     /// # Errors
     /// As [`LinearSolver::factor`].
     pub fn take_operator(&mut self, operator: Arc<dyn Operator>) -> Result<bool, SolveError> {
-        self.loaded = None;
+        (self.loaded, self.wear) = (None, Wear::default());
         self.layout.check_rows(operator.n_rows())?;
         self.check.set_operator(&*operator, &self.layout)?;
         let mut cycle = Cycle::of_operator(&operator, &self.layout)?;
