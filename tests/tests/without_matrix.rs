@@ -12,15 +12,20 @@ use wfl_runtime::{
     solve::{CheckedMultigrid, NodeLayout, Operator, SolverOptions},
 };
 
-/// A scene whose linear terms have an operator.
-fn prepared(text: &str) -> Scene {
+/// A scene before its first step.
+fn scene(text: &str) -> Scene {
     let mut sources = SourceMap::new();
     let main = sources.add("scene.wfl", format!("wfl 1\n{text}"));
     let script = resolve(&mut sources, main, &mut NoFiles, &[]);
     assert!(script.diagnostics.is_empty(), "{:?}", script.diagnostics);
     let backend = JitBackend::new().expect("machine code");
     let made = prepare(&script.value.expect("a script"), Path::new("."), &backend);
-    let mut scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
+    made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics))
+}
+
+/// A scene whose linear terms have an operator.
+fn prepared(text: &str) -> Scene {
+    let mut scene = scene(text);
     assert_eq!(scene.system.obstacle_to_operator(), None, "{text}");
     scene.system.leave_matrix();
     scene.system.begin_step(1.0, 1.0).expect("a step");
@@ -233,16 +238,15 @@ fn nodes_with_frames() {
 #[test]
 fn residuals_and_reactions() {
     use wfl_runtime::system::Form;
-    let scene = "mesh box [0,0,0] to [1,1,1] cells [3,3,3] tet\nregion left = faces where x == 0\nunknown u : vector P2\n\
+    let text = "mesh box [0,0,0] to [1,1,1] cells [3,3,3] tet\nregion left = faces where x == 0\nunknown u : vector P2\n\
         term elastic on all : (300*Div_u*Id(3) + 800*Sym(Grad_u)):Grad_Test_u\nfix u = [0,0,0.1] on left\n\
         load u = [0,0,-1] on all\n";
-    let mut scene = prepared(scene);
-    let u = numbers(scene.system.numbering.n_dofs);
-    let applied = scene.system.residual(&u, &Form::AS_WRITTEN).expect("a residual");
-    scene.system.keep_matrix();
-    scene.system.begin_step(1.0, 1.0).expect("a step");
-    assert!(scene.system.operator().is_none());
-    let stored = scene.system.residual(&u, &Form::AS_WRITTEN).expect("a residual");
+    let (with_operator, mut with_matrix) = (prepared(text), scene(text));
+    let u = numbers(with_operator.system.numbering.n_dofs);
+    let applied = with_operator.system.residual(&u, &Form::AS_WRITTEN).expect("a residual");
+    with_matrix.system.begin_step(1.0, 1.0).expect("a step");
+    assert!(with_matrix.system.operator().is_none());
+    let stored = with_matrix.system.residual(&u, &Form::AS_WRITTEN).expect("a residual");
     let size = largest(stored.values.iter().copied());
     assert!(applied.values.iter().zip(&stored.values).all(|(a, b)| (a - b).abs() < 1e-12 * size));
     for (bound, exact) in applied.linear_sizes.iter().zip(&stored.linear_sizes) {
