@@ -215,7 +215,7 @@ impl VariedWorkspace {
             let code: String = lines.iter().filter_map(|line| line["text"].as_str()).collect::<Vec<_>>().join(" ");
             let at = span["file_name"].as_str().unwrap_or_default();
             for (folder, _) in FOLDERS {
-                let is_own = at.starts_with(in_crate(folder).0);
+                let is_own = at.starts_with(&format!("{}/src/", in_crate(folder).0));
                 let is_named = |name: &String| {
                     code.contains(&format!("{name}()")) && is_own || code.contains(name.as_str()) && !is_own
                 };
