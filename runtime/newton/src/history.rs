@@ -14,6 +14,8 @@ pub enum Stop {
     MaxIterations,
     /// Nothing was solved: the state that a run with rates starts from.
     Given,
+    /// Nothing acts, and the state of rest solves the equations exactly.
+    Rest,
 }
 
 impl Stop {
@@ -25,6 +27,7 @@ impl Stop {
             Stop::Floor => "floor",
             Stop::MaxIterations => "maxit",
             Stop::Given => "given",
+            Stop::Rest => "rest",
         }
     }
 }
@@ -83,7 +86,7 @@ impl StepHistory {
     /// True if the step is a solution.
     #[must_use]
     pub fn converged(&self) -> bool {
-        matches!(self.stop, Some(Stop::Tolerance | Stop::Floor | Stop::Given))
+        matches!(self.stop, Some(Stop::Tolerance | Stop::Floor | Stop::Given | Stop::Rest))
     }
 
     /// Iterations of the attempt that this history is of; what a step took is listed with its attempts.

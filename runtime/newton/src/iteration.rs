@@ -7,7 +7,7 @@ use super::{
     line_search::{LARGEST_FORCING, LineSearch},
     load_step::{Done, Measured, Norm},
     path_following::Path,
-    refinement,
+    refinement, rest,
     schedule::{BUDGET_OF_PATHS, Schedule},
 };
 use wfl_discrete::system::LinearTerms;
@@ -23,6 +23,8 @@ struct Attempt<'u> {
     u: &'u mut [f64],
     /// The state that it began with.
     start: Vec<f64>,
+    /// By field its largest unknown before that, with those of its group.
+    before: Vec<f64>,
     here: Measured,
     norm: Norm,
     schedule: Schedule,
@@ -47,9 +49,10 @@ pub(super) fn iterate(
     let weights = vec![1.0; step.system.fields.len()];
     let norm = Norm { weights, equations: Vec::new(), scales: Vec::new(), frozen: schedule.freezes() };
     let mut history = StepHistory::default();
+    let before = step.system.largest_of_groups(u);
     let here = begin(step, u, predicted, &norm, &mut history)?;
     let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
-    let mut attempt = Attempt { u, start, here, norm, schedule, path: None, best, direction: Vec::new(), history };
+    let mut attempt = Attempt { u, start, before, here, norm, schedule, path: None, best, direction: Vec::new(), history };
     attempt.run(step)?;
     Ok(attempt.history)
 }
@@ -94,6 +97,9 @@ impl Attempt<'_> {
             if let Some(stop) = self.confirmed(step)? {
                 return self.finish(step, stop);
             }
+            if self.comes_to_rest(step) {
+                return self.finish(step, Stop::Rest);
+            }
             self.prepare(step, std::mem::take(&mut left))?;
             let forcing = match step.system.is_linear() {
                 // no other iteration need follow
@@ -126,6 +132,21 @@ impl Attempt<'_> {
         step.assemble_tangent(self.u, self.norm.frozen)?;
         self.here = step.measure(self.u, &self.norm)?;
         Ok(self.stops(step))
+    }
+
+    /// Goes to the state of rest where the unknowns have vanished and that solves the equations; whether it does.
+    fn comes_to_rest(&mut self, step: &mut LoadStep<'_>) -> bool {
+        let Some(rest) = rest::of(step, self.u, &self.before) else { return false };
+        let Ok(found) = step.measure(&rest, &self.norm) else { return false };
+        let is_solution = rest::solves(step.system, self.u, &self.before, &found.written.values);
+        if !is_solution || found.stop(step.options).is_none() {
+            return false;
+        }
+        self.u.copy_from_slice(&rest);
+        self.here = found;
+        let method = self.schedule.method();
+        step.record(&mut self.history, &self.here, Done { method, step: 1.0, changed: 0, corrections: 0 });
+        true
     }
 
     /// Why the iteration stops here, by the tangent at hand: also below a bound of what rounds, once that no longer helps.

@@ -28,6 +28,7 @@ mod method;
 mod path_following;
 mod plan;
 mod refinement;
+mod rest;
 mod schedule;
 mod without_matrix;
 
@@ -156,13 +157,15 @@ pub fn solve_step(step: &mut LoadStep<'_>, from: &[f64], u: &mut [f64]) -> Resul
 
 /// Leaves contact with the active set that belongs to the state that was reached. The one at hand does where the last
 /// correction was made with it. Where nothing had to be corrected it is a guess: of a step before, or of a start at which
-/// all points may be closed that nothing presses yet, which says nothing of the step to come.
+/// all points may be closed that nothing presses yet, which says nothing of the step to come. Nor does a state of rest, in
+/// which nothing presses any more.
 fn settle_contact(step: &mut LoadStep<'_>, was_warm: bool, u: &[f64], history: Option<&StepHistory>) {
     let history = history.filter(|h| h.converged());
     let last = history.and_then(|h| h.iterations.iter().rev().find(|i| i.method != Method::Refinement));
     let is_solved = last.is_some_and(|i| i.method.freezes());
     let is_moved = history.is_some_and(|h| h.n_iterations() > 0);
-    step.contact.set_warm(history.is_some() && (is_moved || was_warm));
+    let is_at_rest = history.is_some_and(|h| h.stop == Some(Stop::Rest));
+    step.contact.set_warm(history.is_some() && !is_at_rest && (is_moved || was_warm));
     if step.contact.is_warm() {
         if !is_solved && !step.contact.is_empty() {
             step.contact.freeze_as_written(step.system, u);

@@ -124,6 +124,17 @@ fn a_body_that_is_lifted_leaves_the_floor() {
 }
 
 #[test]
+fn a_load_that_ends_leaves_rest_and_no_active_set() {
+    let mut solving = Solving::new(&[LAPLACE, "[0.3*t,2*t].Test_u"], &[PENALTY_WITH_FRICTION]);
+    let pressed = solving.at(1.0).solve();
+    assert!(pressed.converged() && solving.block.contact.is_warm());
+    let history = solving.at(0.0).solve();
+    assert_eq!(history.stop, Some(Stop::Rest));
+    assert!(history.n_iterations() <= 2 && solving.u.iter().all(|u| *u == 0.0));
+    assert!(!solving.block.contact.is_warm(), "nothing is known of the step to come");
+}
+
+#[test]
 fn a_body_sticks_until_the_force_along_the_floor_is_the_bound() {
     let mut solving = Solving::new(&[LAPLACE, "[-0.4,2].Test_u"], &[PENALTY_WITH_FRICTION]);
     let history = solving.solve();

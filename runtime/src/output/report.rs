@@ -242,6 +242,8 @@ pub enum Stop {
     Maxit,
     /// Nothing was solved: the state from which time starts.
     Given,
+    /// Nothing acts, and the state of rest solves the equations exactly.
+    Rest,
 }
 
 /// One step of a run.

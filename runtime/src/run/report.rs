@@ -119,6 +119,7 @@ fn step_report(step: &StepResult) -> StepReport {
             Some(Stop::Tolerance) => output::Stop::Tolerance,
             Some(Stop::Floor) => output::Stop::Floor,
             Some(Stop::Given) => output::Stop::Given,
+            Some(Stop::Rest) => output::Stop::Rest,
             _ => output::Stop::Maxit,
         },
         iterations: step.iterations() as u64,

@@ -256,6 +256,10 @@ only if it is so with rows and columns each scaled to entries of 1.
 **Rounding.** If the residual is the rounding error of the product of matrix and state, the linear terms are evaluated
 at their integration points and the state is improved by iterative refinement (`refinement`).
 
+**Rest.** Where no loads act and the unknowns have vanished to 1.5e-8 of what a step began with, the state with these unknowns at
+zero is looked at, and taken if it solves the equations exactly: a load that has ended leaves nothing but rounding, of which
+neither branches of contact nor relative residuals say anything. A load that is not zero is known exactly, however small it is.
+
 ## Variants that were tested and rejected
 
 - A layer of a tenth, three times or ten times the stiffness of the bodies: more iterations.

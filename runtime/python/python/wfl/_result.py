@@ -100,7 +100,8 @@ class Step:
         """Its last increment: smaller than that of the scene after a step in parts."""
         self.converged: bool = told["converged"]
         self.stop: str | None = told["stop"]
-        """Why the iteration ended: ``"tolerance"``, ``"floor"``, ``"maxit"``, or ``"given"`` where nothing was solved."""
+        """Why the iteration ended: ``"tolerance"``, ``"floor"``, ``"maxit"``, ``"rest"`` where nothing acts,
+        or ``"given"`` where nothing was solved."""
         self.iterations: int = told["iterations"]
         """Linear systems that were solved."""
         self.attempts: int = told["attempts"]

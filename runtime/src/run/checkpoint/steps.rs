@@ -36,6 +36,7 @@ pub(super) fn step(w: &mut Writer, s: &StepResult) {
         Some(Stop::Floor) => 2,
         Some(Stop::MaxIterations) => 3,
         Some(Stop::Given) => 4,
+        Some(Stop::Rest) => 5,
     });
     w.flag(h.displaced);
     w.count(h.turns);
@@ -180,6 +181,7 @@ fn read_history(r: &mut Reader<'_>) -> Result<StepHistory, Unreadable> {
         2 => Some(Stop::Floor),
         3 => Some(Stop::MaxIterations),
         4 => Some(Stop::Given),
+        5 => Some(Stop::Rest),
         _ => return Err(Unreadable),
     };
     let (displaced, turns) = (r.flag()?, r.count()?);
