@@ -22,7 +22,7 @@ fn main() {
             case.result,
             case.with,
             of.both,
-            of.both / of.alone,
+            of.ratio,
             of.steps,
             of.solutions,
             of.factors,
