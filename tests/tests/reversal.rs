@@ -91,7 +91,8 @@ fn a_load_that_ends_leaves_rest() {
             let (force, energy) = (solved.measure(1, "Fn").abs(), solved.measure(1, "energy_right"));
             // of 16 square metres and bodies of 25 GPa
             let motion = force / 16.0 / 25e3;
-            let sizes = [("Fn", force), ("Ftz", force), ("opening", motion), ("max_slip", motion), ("energy_left", energy)];
+            let sizes =
+                [("Fn", force), ("Ftz", force), ("opening", motion), ("max_slip", motion), ("energy_left", energy)];
             for (name, size) in sizes {
                 let [loaded, rest, again] = [1, 2, 3].map(|k| solved.measure(k, name));
                 assert!(rest == 0.0, "{what}: {name} is {rest:e} at rest");

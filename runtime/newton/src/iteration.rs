@@ -52,7 +52,8 @@ pub(super) fn iterate(
     let before = step.system.largest_of_groups(u);
     let here = begin(step, u, predicted, &norm, &mut history)?;
     let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
-    let mut attempt = Attempt { u, start, before, here, norm, schedule, path: None, best, direction: Vec::new(), history };
+    let mut attempt =
+        Attempt { u, start, before, here, norm, schedule, path: None, best, direction: Vec::new(), history };
     attempt.run(step)?;
     Ok(attempt.history)
 }

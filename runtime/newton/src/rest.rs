@@ -41,7 +41,8 @@ pub(super) fn solves(system: &System, u: &[f64], before: &[f64], residual: &[f64
 /// By field whether no loads act on it and it has vanished.
 fn vanished(system: &System, u: &[f64], before: &[f64]) -> Vec<bool> {
     let now = system.largest_of_groups(u);
-    let is = |k: usize| system.range(k).is_some() && !system.is_loaded(k) && 0.0 < now[k] && now[k] <= VANISHED * before[k];
+    let is =
+        |k: usize| system.range(k).is_some() && !system.is_loaded(k) && 0.0 < now[k] && now[k] <= VANISHED * before[k];
     (0..system.fields.len()).map(is).collect()
 }
 

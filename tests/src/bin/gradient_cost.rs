@@ -17,15 +17,7 @@ fn main() {
             out,
             "{}: run {:.2} s, with the gradient of {} in {} {:.2} s, ratio {:.2}; {} steps in {megabytes:.1} MB, {} solutions, \
              {} factors",
-            case.name,
-            of.alone,
-            case.result,
-            case.with,
-            of.both,
-            of.ratio,
-            of.steps,
-            of.solutions,
-            of.factors,
+            case.name, of.alone, case.result, case.with, of.both, of.ratio, of.steps, of.solutions, of.factors,
         );
     }
 }
