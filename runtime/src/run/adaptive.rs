@@ -8,8 +8,8 @@
 use super::{
     Attempt, AttemptEnd, Clock, Path, Progress,
     control::{Control, Matrix},
-    leg::Leg,
     remembered::{Adaptive, joined},
+    requests::StepRequest,
     stepping::{self, Reached, StepError, Stepper, Target},
 };
 use crate::{
@@ -18,6 +18,7 @@ use crate::{
     rates::Rates,
     scene::{Auto, Solving},
     system::{FIXED, Form},
+    window::Window,
 };
 
 /// Iterations after which a shorter step is tried, where one may help. Steps of an earthquake cycle take 2; of those that
@@ -32,15 +33,6 @@ const SHORTER: usize = 4;
 const SINGULAR: usize = 4;
 const SINGULAR_AT_FIRST: usize = 2;
 
-/// Where a step begins, and where it ends at the latest.
-#[derive(Clone, Copy)]
-pub(super) struct Reach {
-    pub(super) at: f64,
-    pub(super) stop: f64,
-    /// Of the increment, behind the state at its beginning.
-    pub(super) limit: f64,
-}
-
 /// How an attempt at a step ended.
 enum Tried {
     /// With the relative error, where it is too large and the increment cannot be smaller.
@@ -50,19 +42,20 @@ enum Tried {
 }
 
 impl Stepper {
-    /// Solves the next step; `u` holds the state before and then the one after. The caller takes over the states and then
-    /// calls [`Self::remember`].
+    /// Solves the next step, at most as far as it is requested and not longer than `limit`; `u` holds the state before and then
+    /// the one after. The caller takes over the states and then calls [`Self::remember`].
     pub(super) fn advance(
         &mut self,
         scene: &mut Solving<'_>,
         u: &mut [f64],
-        reach: Reach,
+        request: StepRequest,
+        limit: f64,
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
         let rules = scene.steps.auto.clone().expect("steps that the run chooses");
-        let Reach { at, stop, limit } = reach;
-        stepping::begin(scene, Leg { from: Some(at), to: stop, first_increment: rules.first, told: None }, u)?;
+        let (at, stop) = (request.from.expect("a step behind another one"), request.window.end);
+        stepping::begin(scene, request, u)?;
         if scene.tables.corners.contains(&at) {
             self.adaptive(&rules).turn(&rules);
             scene.system.rates_mut().into_iter().for_each(Rates::turn);
@@ -72,17 +65,18 @@ impl Stepper {
         let most_singular = if self.adaptive(&rules).past.solutions.is_empty() { SINGULAR_AT_FIRST } else { SINGULAR };
         loop {
             let to = self.adaptive(&rules).control.aim(&rules, at, stop, limit);
-            let increment = to - at;
+            let window = Window::new(to, to - at);
+            let increment = window.increment;
             let guessed = guess && self.guess(scene, &rules, increment, u);
             // without a shorter step to go to it is worth every iteration
             let is_last = fruitless >= SHORTER || Control::is_least(&rules, at, increment);
             let iterations = if is_last { usize::MAX } else { FEW };
-            let target = Target { time: to, increment, load: None, iterations };
+            let target = Target { window, load: None, iterations };
             let result = self.attempt_with_order(scene, u, &target, clock, progress);
             let tried = self.judge(scene, &rules, increment, result, u);
             attempts.push(self.listed(&tried, increment));
             let failed = match tried {
-                Tried::Accepted(history, _) => return Ok(taken(history, to, increment, attempts)),
+                Tried::Accepted(history, _) => return Ok(taken(history, window, attempts)),
                 Tried::Rejected(_) => None,
                 Tried::Nothing(result, state) => {
                     singular += usize::from(!guessed && is_singular(&result));
@@ -103,7 +97,7 @@ impl Stepper {
                 _ if guessed => guess = false,
                 result if ends => {
                     u.copy_from_slice(&state);
-                    return result.map(|history| taken(history, to, increment, attempts));
+                    return result.map(|history| taken(history, window, attempts));
                 }
                 _ => self.adaptive(&rules).control.fail(increment),
             }
@@ -189,7 +183,7 @@ impl Stepper {
             let rounding = self.rounding(scene, u).unwrap_or_default();
             errors = self.adaptive(rules).errors(scene, rules, increment, &solution, &rounding);
         }
-        let least = Control::is_least(rules, scene.system.step().0 - increment, increment);
+        let least = Control::is_least(rules, scene.system.step().start(), increment);
         let matrix = if scene.system.bulk_follows_steps() { Matrix::Kept } else { Matrix::New };
         let control = &mut self.adaptive(rules).control;
         // an error that is no number is too large
@@ -241,7 +235,7 @@ fn is_singular(result: &Result<StepHistory, StepError>) -> bool {
 }
 
 /// A step that ends here; ends of attempts are in units of its increment.
-fn taken(history: StepHistory, time: f64, increment: f64, mut attempts: Vec<Attempt>) -> Reached {
-    attempts.iter_mut().for_each(|a| a.part.1 /= increment);
-    Reached { history, time, increment, attempts }
+fn taken(history: StepHistory, window: Window, mut attempts: Vec<Attempt>) -> Reached {
+    attempts.iter_mut().for_each(|a| a.part.1 /= window.increment);
+    Reached { history, window, attempts }
 }

@@ -6,7 +6,6 @@
 
 mod adaptive;
 mod again;
-mod asked;
 mod attempts;
 mod balance;
 mod checkpoint;
@@ -21,7 +20,6 @@ mod friction;
 mod growth;
 mod judged;
 mod leaving;
-mod leg;
 mod memory;
 mod options;
 mod others;
@@ -32,6 +30,7 @@ mod quantities;
 mod rates;
 mod remembered;
 mod report;
+mod requests;
 mod resuming;
 mod session;
 mod stability;
@@ -71,14 +70,14 @@ use crate::{
     output::{Hash, OutputDir, OutputError, Piece, State, write_report},
     scene::{Scene, Solving, Turnover},
     system::Form,
+    window::Window,
 };
-use adaptive::Reach;
-use asked::Asked;
 use checkpoint::Log;
 use events::{Sides, lasts};
 use files::{CheckpointCost, Files, OfOthers, StepFiles};
 use friction::Friction;
 use judged::{Judged, KnownOfOthers};
+use requests::StepRequest;
 use stepping::{Reached, StepError, Stepper};
 use watched::Watched;
 
@@ -95,10 +94,8 @@ const STACK: usize = 8 << 20;
 /// One step of a run.
 #[derive(Clone, Debug, Default)]
 pub struct StepResult {
-    /// The step variable.
-    pub time: f64,
-    /// The last increment of the step variable: smaller than that of the scene after a step in parts.
-    pub increment: f64,
+    /// Its last part: it ends where the step does, and is shorter than the step of the scene after a step in parts.
+    pub window: Window,
     /// What Newton did in the last part.
     pub history: StepHistory,
     /// Every attempt at a part of the step; none for a state that is given.
@@ -359,7 +356,7 @@ impl Run {
 
     /// True if every step of the scene is done and converged.
     fn is_done(&self, scene: &Solving<'_>) -> bool {
-        self.next_asked(scene).is_none() && self.steps.iter().all(|s| s.history.converged())
+        self.next_request(scene).is_none() && self.steps.iter().all(|s| s.history.converged())
     }
 
     /// Lists a step that was tried.
@@ -368,7 +365,7 @@ impl Run {
             before.shrink();
         }
         let number = self.steps.len();
-        let last = scene.steps.auto.is_some() && scene.steps.is_last(number, step.time);
+        let last = scene.steps.auto.is_some() && scene.steps.is_last(number, step.window.end);
         if options.keep_outputs.contains(&number) || (last && !options.keep_outputs.is_empty()) {
             let begin = Instant::now();
             let (files, bad) = {
@@ -425,9 +422,9 @@ impl Run {
         // of ranks with parts of the mesh each makes its own of a file, and the first one gets them
         let holders = scene.system.mesh.holders();
         let has_part = !holders.is_alone() && holders.any(writer.is_some());
-        while let Some(asked) = self.next_asked(scene) {
-            let number = asked.number;
-            let step = self.step(scene, asked, progress)?;
+        while let Some(request) = self.next_request(scene) {
+            let number = request.number;
+            let step = self.step(scene, request, progress)?;
             progress.step_done(&step);
             let goes_on = step.history.converged() || scene.steps.go_on;
             self.add(step, scene, options);
@@ -488,22 +485,21 @@ impl Run {
     fn step(
         &mut self,
         scene: &mut Solving<'_>,
-        asked: Asked,
+        request: StepRequest,
         progress: &mut dyn Progress,
     ) -> Result<StepResult, RunError> {
-        let Asked { number, count, leg } = asked;
-        let time = leg.to;
-        progress.step(number, count, if count.is_none() { leg.from.unwrap_or(time) } else { time });
+        let StepRequest { number, count, from, window } = request;
+        let time = window.end;
+        progress.step(number, count, if count.is_none() { from.unwrap_or(time) } else { time });
         let reached = if number == 0 && scene.steps.from_start {
-            self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
+            self.stepper.given(scene, &self.u, request, &mut self.clock, progress)
         } else if let Some(explicit) = scene.explicit.clone() {
-            self.stepper.explicit(scene, &explicit, &mut self.u, leg, &mut self.clock)
-        } else if let (None, Some(at)) = (count, leg.from) {
-            let limit = self.limit().min(self.stepper.driven(scene, at, leg.to));
-            let reach = Reach { at, stop: leg.to, limit };
-            self.stepper.advance(scene, &mut self.u, reach, &mut self.clock, progress)
+            self.stepper.explicit(scene, &explicit, &mut self.u, request, &mut self.clock)
+        } else if let (None, Some(at)) = (count, from) {
+            let limit = self.limit().min(self.stepper.driven(scene, at, window.end));
+            self.stepper.advance(scene, &mut self.u, request, limit, &mut self.clock, progress)
         } else {
-            self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress)
+            self.stepper.reach(scene, &mut self.u, request, &mut self.clock, progress)
         };
         let wrap = |run: &Self, scene: &Solving<'_>, error| match error {
             StepError::Newton(error) => {
@@ -513,14 +509,14 @@ impl Run {
                 RunError::State { step: number, time, state, value, position }
             }
         };
-        let Reached { history, time, increment, attempts } = reached.map_err(|error| wrap(self, scene, error))?;
+        let Reached { history, window, attempts } = reached.map_err(|error| wrap(self, scene, error))?;
         // the equations are those of the old states; a state that is given has nothing to judge
         let solved = self.judges && history.converged() && history.stop != Some(Stop::Given);
         let begin = Instant::now();
         let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
         let judged = judged.map_err(|error| wrap(self, scene, error.into()))?;
         if solved {
-            self.watched.look(scene, &self.u, time);
+            self.watched.look(scene, &self.u, window.end);
         }
         let Judged { accuracy, checks, turned, narrow, zigzags, others, unstable, residual } = judged;
         let known = self.stepper.branches.take();
@@ -528,8 +524,7 @@ impl Run {
         let slid = if solved { slid_past_faces(scene.system, scene.contact, &self.u) } else { Vec::new() };
         self.clock.check += begin.elapsed().as_secs_f64();
         let step = StepResult {
-            time,
-            increment,
+            window,
             history,
             attempts,
             accuracy,
@@ -554,8 +549,7 @@ impl Run {
         progress: &mut dyn Progress,
     ) -> Result<StepResult, RunError> {
         let begin = Instant::now();
-        let (time, increment) = (step.time, step.increment);
-        let (number, at) = (self.steps.len(), rates::StepTime { time, increment });
+        let (number, window) = (self.steps.len(), step.window);
         if step.history.converged() {
             self.stepper.slide(scene, &self.u);
         }
@@ -567,16 +561,16 @@ impl Run {
         self.clock.check += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
         let kind = if scene.explicit.is_some() && !is_start { Passed::Explicit } else { Passed::of(&step.history) };
-        self.stepper.keep_passed(scene, at, &self.u, kind);
-        let left = self.stepper.leave(scene, at, &mut self.u);
-        left.map_err(|error| RunError::Newton { step: number, time, error })?;
-        self.stepper.remember(scene, increment, &self.u);
-        (step.limit, step.events) = self.watched(scene, time, increment);
+        self.stepper.keep_passed(scene, window, &self.u, kind);
+        let left = self.stepper.leave(scene, window, &mut self.u);
+        left.map_err(|error| RunError::Newton { step: number, time: window.end, error })?;
+        self.stepper.remember(scene, window.increment, &self.u);
+        (step.limit, step.events) = self.watched(scene, window);
         let lasting = step.lasting();
         step.series = self.series(scene, &step, self.place_of(&step, &lasting, self.steps.len()));
-        let taken = self.measures(scene, time, increment);
+        let taken = self.measures(scene, window);
         (step.measures, step.bad_measures, step.moved) = (taken.measures, taken.bad, taken.moved);
-        self.print(scene, time, increment, progress);
+        self.print(scene, window, progress);
         step.state = self.u.clone();
         self.clock.measure += begin.elapsed().as_secs_f64();
         Ok(step)

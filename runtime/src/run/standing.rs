@@ -2,7 +2,6 @@
 
 use super::{
     Run,
-    rates::StepTime,
     state::{Changes, Snapshot, State, Sums},
     stepping::Stepper,
 };
@@ -10,6 +9,7 @@ use crate::{
     newton::{LinearSolver, NewtonError},
     run::Progress,
     scene::Solving,
+    window::Window,
 };
 
 impl Stepper {
@@ -73,7 +73,7 @@ impl Run {
         }
     }
 
-    /// Goes on from a state behind a step that ended at `at`: equations and stepper are new. False, and the run is of no
+    /// Goes on from a state behind this step: equations and stepper are new. False, and the run is of no
     /// use, if the state belongs to another scene.
     ///
     /// # Errors
@@ -82,7 +82,7 @@ impl Run {
         &mut self,
         scene: &mut Solving<'_>,
         state: State,
-        at: StepTime,
+        window: Window,
         progress: &mut dyn Progress,
     ) -> Result<bool, NewtonError> {
         let State { u, memory, rates, solver, level, easy, adaptive, mut balance, friction } = state;
@@ -93,7 +93,7 @@ impl Run {
             progress.solver(&explicit.describe(&scene.steps));
             true
         } else {
-            self.stepper.prepare(scene, at, &mut self.clock, progress)?;
+            self.stepper.prepare(scene, window, &mut self.clock, progress)?;
             let own = self.stepper.solver.as_mut().expect("prepared above");
             let fits = own.recall(&solver)?;
             own.starts_elsewhere();

@@ -25,11 +25,11 @@ use crate::{
         Attempt, AttemptEnd, Clock, Path, Progress,
         balance::Balance,
         friction::Friction,
-        leg::Leg,
         memory::Memory,
         progress::Forward,
-        rates::{self, StepTime},
+        rates,
         remembered::Adaptive,
+        requests::StepRequest,
         stability::Stability,
         state::Snapshot,
         trajectory::{Passed, Trajectory},
@@ -37,6 +37,7 @@ use crate::{
     scene::{Scene, Solving},
     solve::SolverOptions,
     system::{FIXED, Form, LinearTerms, Residual, System, Tangent},
+    window::Window,
 };
 
 /// Converged parts in a row after which the increment doubles.
@@ -68,10 +69,8 @@ pub(super) enum StepError {
 pub(super) struct Reached {
     /// The attempt that reached the end, or of those that failed the one at the whole step.
     pub(super) history: StepHistory,
-    /// The step variable at its end.
-    pub(super) time: f64,
-    /// The last increment of the step variable.
-    pub(super) increment: f64,
+    /// Its last part, to the end that it has reached.
+    pub(super) window: Window,
     /// Every attempt.
     pub(super) attempts: Vec<Attempt>,
 }
@@ -84,8 +83,9 @@ pub(super) struct LoadStart {
 
 /// The target of one attempt.
 pub(super) struct Target<'a> {
-    pub(super) time: f64,
-    pub(super) increment: f64,
+    /// The step, or the part of it, that is tried.
+    pub(super) window: Window,
+    /// What a load path starts from, and which part of the load acts.
     pub(super) load: Option<(&'a LoadStart, f64)>,
     /// Iterations after which it ends, where the scene allows more.
     pub(super) iterations: usize,
@@ -181,12 +181,12 @@ impl Stepper {
         &mut self,
         scene: &mut Solving<'_>,
         u: &mut [f64],
-        leg: Leg,
+        request: StepRequest,
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
-        let mut parts = Parts::new(leg, if scene.system.is_linear() { 0 } else { scene.steps.halve });
-        begin(scene, leg, u)?;
+        let mut parts = Parts::new(request, if scene.system.is_linear() { 0 } else { scene.steps.halve });
+        begin(scene, request, u)?;
         let mut start = self.snapshot(scene, u);
         self.level = self.level.min(parts.halve);
         // behind the parts that have passed
@@ -194,7 +194,7 @@ impl Stepper {
         loop {
             let span = parts.next(self.level);
             let target = parts.target(span);
-            let at = StepTime { time: target.time, increment: target.increment };
+            let window = target.window;
             self.explains = span.to - span.from == parts.whole;
             let result = self.attempt(scene, u, &target, clock, progress);
             parts.list(span, &result, self.spent);
@@ -203,13 +203,13 @@ impl Stepper {
                     let history = parts.pass(span, history);
                     self.grow(parts.whole, parts.position);
                     if parts.position == parts.whole {
-                        return Ok(self.reached(parts, history, at.increment));
+                        return Ok(self.reached(parts, history, window));
                     }
                     if parts.path == Path::Steps {
                         self.keep_sums(&mut start);
                         self.slide(scene, u);
-                        self.keep_passed(scene, at, u, Passed::Part);
-                        self.leave(scene, at, u)?;
+                        self.keep_passed(scene, window, u, Passed::Part);
+                        self.leave(scene, window, u)?;
                         scene.system.end_step(u);
                     }
                     passed = Some(self.snapshot(scene, u));
@@ -257,7 +257,7 @@ impl Stepper {
         self.level = 0;
         let failed = parts.failed_whole.take();
         let target = parts.target(parts.all());
-        let increment = target.increment;
+        let window = target.window;
         let (result, state) = match failed {
             Some(failed) => failed,
             None => {
@@ -268,8 +268,8 @@ impl Stepper {
             }
         };
         u.copy_from_slice(&state);
-        scene.system.begin_rates(increment);
-        result.map(|history| self.reached(parts, history, increment))
+        scene.system.begin_rates(window.increment);
+        result.map(|history| self.reached(parts, history, window))
     }
 
     /// Doubles the increment where enough parts have converged and the doubled part would not pass the end.
@@ -282,12 +282,12 @@ impl Stepper {
         }
     }
 
-    fn reached(&mut self, parts: Parts, history: StepHistory, increment: f64) -> Reached {
+    fn reached(&mut self, parts: Parts, history: StepHistory, window: Window) -> Reached {
         if parts.path == Path::Load {
             // parts of a load say nothing about increments of the step variable
             (self.level, self.easy) = (0, 0);
         }
-        Reached { history, time: parts.leg.to, increment, attempts: parts.attempts }
+        Reached { history, window, attempts: parts.attempts }
     }
 
     pub(super) fn attempt(
@@ -298,12 +298,11 @@ impl Stepper {
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<StepHistory, StepError> {
-        let (time, increment) = (target.time, target.increment);
         self.spent = Spent::default();
-        let at = rates::enter(scene, StepTime { time, increment });
-        self.prepare(scene, at, clock, progress)?;
+        let window = rates::enter(scene, target.window);
+        self.prepare(scene, window, clock, progress)?;
         let from = u.to_vec();
-        let prescribed = rates::prescribe(scene, StepTime { time, increment }, u);
+        let prescribed = rates::prescribe(scene, window, u);
         prescribed.map_err(|bad| NewtonError::Given(Box::new(bad)))?;
         let mut offset = Vec::new();
         if let Some((start, s)) = target.load {
@@ -345,7 +344,7 @@ impl Stepper {
         }
         // parts of a load lead to the first state, they are none themselves
         if history.converged() && target.load.is_none() {
-            self.next_states = next_states(scene, at.time, increment, u)?;
+            self.next_states = next_states(scene, window, u)?;
         }
         Ok(history)
     }
@@ -359,8 +358,8 @@ impl Stepper {
     }
 
     /// Computes the states that follow from `u`; [`Self::renew`] takes them over.
-    pub(super) fn keep_states(&mut self, scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<(), StepError> {
-        self.next_states = next_states(scene, at.time, at.increment, u)?;
+    pub(super) fn keep_states(&mut self, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<(), StepError> {
+        self.next_states = next_states(scene, window, u)?;
         Ok(())
     }
 
@@ -376,46 +375,40 @@ impl Stepper {
         &mut self,
         scene: &mut Solving<'_>,
         u: &[f64],
-        leg: Leg,
+        request: StepRequest,
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
-        begin(scene, leg, u)?;
-        let at = StepTime { time: leg.to, increment: leg.first_increment };
-        rates::start(scene, u, at)?;
+        begin(scene, request, u)?;
+        let window = request.window;
+        rates::start(scene, u, window)?;
         if let Some(explicit) = &scene.explicit {
             progress.solver(&explicit.describe(&scene.steps));
             let (history, attempts) = (StepHistory::given(), Vec::new());
-            return Ok(Reached { history, time: leg.to, increment: leg.first_increment, attempts });
+            return Ok(Reached { history, window, attempts });
         }
         // the matrix is that of the first step; its rates are those at the start
-        scene.system.begin_rates(at.increment);
-        self.prepare(scene, at, clock, progress)?;
+        scene.system.begin_rates(window.increment);
+        self.prepare(scene, window, clock, progress)?;
         scene.system.hold_rates();
-        Ok(Reached {
-            history: StepHistory::given(),
-            time: leg.to,
-            increment: leg.first_increment,
-            attempts: Vec::new(),
-        })
+        Ok(Reached { history: StepHistory::given(), window, attempts: Vec::new() })
     }
 
-    /// Brings known fields, terms and the linear solver to a value of the step variable.
+    /// Brings known fields, terms and the linear solver to a step.
     pub(super) fn prepare(
         &mut self,
         scene: &mut Solving<'_>,
-        at: StepTime,
+        window: Window,
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<(), NewtonError> {
-        let StepTime { time, increment } = at;
-        scene.set_data(time, increment)?;
+        scene.set_data(window)?;
         let begin = Instant::now();
         if self.solver.is_none() && LinearSolver::needs_no_matrix(scene.system, &self.solver_options) {
             scene.system.leave_matrix();
         }
-        let changed = scene.system.begin_step(time, increment)?;
-        scene.contact.begin_step(scene.system.step_at(time, increment));
+        let changed = scene.system.begin_step(window)?;
+        scene.contact.begin_step(scene.system.step());
         self.tangent.get_or_insert_with(|| scene.system.new_tangent());
         clock.assemble += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
@@ -445,18 +438,18 @@ impl Stepper {
 }
 
 /// The end of the last step becomes the past; before the first step the past is the start.
-pub(super) fn begin(scene: &mut Solving<'_>, leg: Leg, u: &[f64]) -> Result<(), NewtonError> {
-    if leg.from.is_none() {
-        scene.set_data(leg.to, leg.first_increment)?;
+pub(super) fn begin(scene: &mut Solving<'_>, request: StepRequest, u: &[f64]) -> Result<(), NewtonError> {
+    if request.from.is_none() {
+        scene.set_data(request.window)?;
     }
     scene.system.end_step(u);
     Ok(())
 }
 
 /// The next values of the states, all from the same old ones.
-fn next_states(scene: &mut Solving<'_>, time: f64, increment: f64, u: &[f64]) -> Result<Vec<Vec<f64>>, StepError> {
+fn next_states(scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<Vec<Vec<f64>>, StepError> {
     let Solving { system, scene: Scene { states, .. }, .. } = scene;
-    let next: Vec<Vec<f64>> = states.iter().map(|s| s.next(system, time, increment, u)).collect();
+    let next: Vec<Vec<f64>> = states.iter().map(|s| s.next(system, window, u)).collect();
     for (state, values) in states.iter().zip(&next) {
         let field = &system.fields[state.field];
         let bad = values.iter().position(|v| !v.is_finite());
@@ -486,7 +479,7 @@ fn load_start(system: &System, u: &[f64]) -> Option<LoadStart> {
     Some(LoadStart { u: u.to_vec(), residual })
 }
 
-/// A part of a step, in units of the smallest one that is allowed.
+/// A part of a step, in units of the smallest one that is allowed: whole numbers, of which [`Parts::target`] makes its window.
 #[derive(Clone, Copy)]
 struct Span {
     from: u64,
@@ -495,7 +488,7 @@ struct Span {
 
 /// A step on its way through its parts.
 struct Parts {
-    leg: Leg,
+    request: StepRequest,
     path: Path,
     /// The smallest part is 2^-halve of the step, which is `whole` of them.
     halve: u32,
@@ -515,10 +508,10 @@ struct Parts {
 }
 
 impl Parts {
-    fn new(leg: Leg, halve: u32) -> Self {
+    fn new(request: StepRequest, halve: u32) -> Self {
         Self {
-            leg,
-            path: if leg.from.is_some() { Path::Steps } else { Path::Load },
+            request,
+            path: if request.from.is_some() { Path::Steps } else { Path::Load },
             halve,
             whole: 1u64 << halve,
             position: 0,
@@ -574,18 +567,15 @@ impl Parts {
     }
 
     fn target(&self, span: Span) -> Target<'_> {
-        let leg = self.leg;
-        let Some(from) = leg.from else {
+        let StepRequest { from, window, .. } = self.request;
+        let Some(from) = from else {
             let load = if span.to == self.whole { None } else { self.load.as_ref() };
             let load = load.map(|l| (l, self.part(span.to)));
-            return Target { time: leg.to, increment: leg.first_increment, load, iterations: usize::MAX };
+            return Target { window, load, iterations: usize::MAX };
         };
-        let at = |k: u64| match k {
-            0 => from,
-            k if k == self.whole => leg.to,
-            k => from + self.part(k) * (leg.to - from),
-        };
-        let increment = (self.part(span.to) - self.part(span.from)) * leg.increment(from);
-        Target { time: at(span.to), increment, load: None, iterations: usize::MAX }
+        let is_last = span.to == self.whole;
+        let end = if is_last { window.end } else { from + self.part(span.to) * (window.end - from) };
+        let increment = (self.part(span.to) - self.part(span.from)) * window.increment;
+        Target { window: Window::new(end, increment), load: None, iterations: usize::MAX }
     }
 }
