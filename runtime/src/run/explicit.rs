@@ -11,47 +11,53 @@
 use std::time::Instant;
 
 use super::{
-    Clock,
+    Clock, Progress,
     requests::StepRequest,
-    stepping::{self, Reached, StepError, Stepper},
+    stability::Stability,
+    stepping::{Integrator, Reached, StepError, Stepper},
 };
-use crate::{
-    newton::{NewtonError, StepHistory},
-    scene::{Explicit, Solving},
-    system::FIXED,
-    window::Window,
-};
+use crate::{assemble::BranchCounts, newton::NewtonError, scene::Solving, system::FIXED, window::Window};
 
-impl Stepper {
-    /// Makes the step; `u` holds the state before and then the one after.
-    pub(super) fn explicit(
+/// Steps by central differences, and how far they are from instability.
+#[derive(Default)]
+pub(super) struct CentralDifferences {
+    pub(super) stability: Stability,
+}
+
+impl Integrator for CentralDifferences {
+    fn advance(
         &mut self,
+        stepper: &mut Stepper,
         scene: &mut Solving<'_>,
-        explicit: &Explicit,
         u: &mut [f64],
         request: StepRequest,
         clock: &mut Clock,
+        _progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
-        let clocked = Instant::now();
-        stepping::begin(scene, request, u)?;
-        let before = self.snapshot(scene, u);
-        let result = self.differences(scene, explicit, u, request.window);
-        clock.assemble += clocked.elapsed().as_secs_f64();
-        if let Err(error) = result {
-            self.go_back(scene, u, &before);
-            return Err(error);
+        let begin = Instant::now();
+        let before = stepper.snapshot(scene, u);
+        let made = self.step(stepper, scene, u, request.window);
+        clock.assemble += begin.elapsed().as_secs_f64();
+        match made {
+            Ok(branches) => Ok(Reached { branches: Some(branches), ..Reached::unsolved(request.window) }),
+            Err(error) => {
+                stepper.go_back(scene, u, &before);
+                Err(error)
+            }
         }
-        let (history, attempts) = (StepHistory::given(), Vec::new());
-        Ok(Reached { history, window: request.window, attempts })
     }
+}
 
-    fn differences(
+impl CentralDifferences {
+    /// Makes the step; gives by term the branches in it.
+    fn step(
         &mut self,
+        stepper: &mut Stepper,
         scene: &mut Solving<'_>,
-        explicit: &Explicit,
         u: &mut [f64],
         window: Window,
-    ) -> Result<(), StepError> {
+    ) -> Result<Vec<BranchCounts>, StepError> {
+        let explicit = scene.scene.explicit.as_ref().expect("a scene of explicit steps");
         let h = window.increment;
         let before = u.to_vec();
         let [first, second] = scene.system.rates().map(|r| r.ended(u, u)).expect("explicit steps have rates");
@@ -86,12 +92,11 @@ impl Stepper {
         system.numbering.frames.turn_back(&mut acceleration);
         system.update_copies(&mut acceleration);
         system.numbering.follow(&mut acceleration);
-        self.keep_states(scene, window, u)?;
+        stepper.keep_states(scene, window, u)?;
         let velocity: Vec<f64> = half.iter().zip(&acceleration).map(|(r, s)| r + 0.5 * h * s).collect();
         take_rates(scene, &velocity, &acceleration);
         self.stability.look(scene, explicit, u, window, &branches)?;
-        self.branches = Some(branches);
-        Ok(())
+        Ok(branches)
     }
 }
 

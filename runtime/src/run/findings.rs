@@ -52,7 +52,11 @@ const CHECKS: &[Check] = &[
     Check { codes: &[Code::W650], look: unbalanced },
     Check {
         codes: &[Code::W621],
-        look: |run| run.run.stepper.stability.told(|| run.scene.steps.longest_increment()).into_iter().collect(),
+        look: |run| {
+            let stability = run.run.integrators.explicit.as_ref().map(|explicit| &explicit.stability);
+            let told = stability.and_then(|stability| stability.told(|| run.scene.steps.longest_increment()));
+            told.into_iter().collect()
+        },
     },
     Check {
         codes: &[Code::W618],

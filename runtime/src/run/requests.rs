@@ -20,6 +20,8 @@ pub(super) struct StepRequest {
     pub(super) from: Option<f64>,
     /// The whole step; the first one, which has none before, counts as long as the second one.
     pub(super) window: Window,
+    /// What the scene says that its increment is at most, where the run finds that; infinite where it says nothing.
+    pub(super) limit: f64,
 }
 
 impl StepRequest {
@@ -27,7 +29,12 @@ impl StepRequest {
     fn listed(scene: &Scene, number: usize) -> Self {
         let values = &scene.steps.values;
         let from = number.checked_sub(1).map(|k| values[k]);
-        Self { number, count: Some(values.len()), from, window: scene.steps.window(number) }
+        Self { number, count: Some(values.len()), from, window: scene.steps.window(number), limit: f64::INFINITY }
+    }
+
+    /// True if the run finds where the step ends: there is one before, whose end says something of it.
+    pub(super) fn is_chosen(&self) -> bool {
+        self.count.is_none() && self.from.is_some()
     }
 }
 
@@ -56,7 +63,8 @@ impl Run {
             return None;
         }
         let to = from.map_or(steps.first(), |at| self.stop(scene, at));
-        Some(StepRequest { number, count: None, from, window: between(from, to, steps.first_increment()) })
+        let window = between(from, to, steps.first_increment());
+        Some(StepRequest { number, count: None, from, window, limit: self.limit() })
     }
 
     /// The value of the step variable at the end of the last step.

@@ -7,7 +7,7 @@
 use rayon::ThreadPool;
 
 use super::{
-    Outcome, Progress, Run, RunError, RunOptions, RunState, STACK, StepError, StepResult, Trajectory, folder, rates,
+    Outcome, Progress, Run, RunError, RunOptions, RunState, STACK, StepResult, Trajectory, folder, rates,
     requests::{self, StepRequest},
     stepping,
     watched::Watched,
@@ -148,7 +148,7 @@ impl Session {
     fn request(&self, scene: &Scene, time: f64) -> StepRequest {
         let (number, from) = (self.run.steps.len(), self.run.last_value());
         let window = requests::between(from, time, self.first_increment(scene, time));
-        StepRequest { number, count: Some(number + 1), from, window }
+        StepRequest { number, count: Some(number + 1), from, window, limit: f64::INFINITY }
     }
 
     fn solve(
@@ -289,12 +289,7 @@ impl Session {
         run.u.copy_from_slice(u);
         let step = on(pool.as_ref(), || {
             let next = run.stepper.keep_states(solving, window, &run.u);
-            next.map_err(|error| match error {
-                StepError::Newton(error) => RunError::Newton { step: number, time, error },
-                StepError::State { state, value, position } => {
-                    RunError::State { step: number, time, state, value, position }
-                }
-            })?;
+            next.map_err(|error| RunError::of_step(error, number, time))?;
             // the active set is that of another state: a step that is solved next chooses its own
             solving.contact.set_warm(false);
             let (history, branches) = (StepHistory::given(), run.branches(solving));
