@@ -92,8 +92,7 @@ pub fn items(run: &Solved) -> impl Iterator<Item = &OutputQuantity> {
 fn state(run: &Solved) -> Option<StateAt<'_>> {
     run.outcome.steps.last().map(|s| StateAt {
         system: &run.outcome.equations.system,
-        time: s.time,
-        increment: s.increment,
+        window: s.window,
         unknowns: &s.state,
     })
 }

@@ -18,11 +18,11 @@ mod scene;
 
 pub use wfl_checks::{self as checks, consistency};
 pub use wfl_contact as contact;
-use wfl_discrete::value;
 pub use wfl_discrete::{
     assemble, domain, field, finite, frames, lumped, point_space, point_values, pruning, rates, redistribution, share,
     space, system,
 };
+use wfl_discrete::{value, window};
 use wfl_host::halo;
 pub use wfl_host::{input, memory, reading, team};
 pub use wfl_mesh::{element, mesh, quadrature, refine};
@@ -55,4 +55,7 @@ pub use system::{
     ActiveSet, Branches, FIXED, Form, FrozenTerm, Known, LinearTerms, Numbering, Past, Residual, StateValues, System,
     SystemError, Tangent,
 };
-pub use wfl_discrete::value::{Sampled, Value, uniforms_at};
+pub use wfl_discrete::{
+    value::{Sampled, Value, uniforms_at},
+    window::Window,
+};

@@ -60,7 +60,7 @@ fn made(scene: &mut Scene, u: &[f64], free: &[u32], threads: usize, before: f64)
     let mut matrix = Csr::zeros(pattern.build_shared().expect("a pattern"));
     matrix.values_mut().fill(before);
     system.terms[0].locate(matrix.pattern(), free);
-    system.terms[0].set_step((0.0, 0.0));
+    system.terms[0].set_step(wfl_runtime::Window::default());
     let values = FieldValues { current: &[u], previous: &[], rates: None };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let done = pool.install(|| match before == 0.0 {

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use wfl::{NoFiles, SourceMap, resolve};
 use wfl_jit::JitBackend;
-use wfl_runtime::{assemble::products_per_second, prepare, solve::Operator};
+use wfl_runtime::{Window, assemble::products_per_second, prepare, solve::Operator};
 
 /// A body of one material.
 #[derive(Clone, Copy, Debug)]
@@ -115,7 +115,7 @@ fn measured(body: &Body) -> Result<Found, String> {
     let mut scene = made.scene.ok_or_else(|| format!("{:?}", made.diagnostics))?;
     let system = &mut scene.system;
     system.leave_matrix();
-    system.begin_step(1.0, 1.0).map_err(|error| error.to_string())?;
+    system.begin_step(Window::new(1.0, 1.0)).map_err(|error| error.to_string())?;
     let matrix = system.matrix().map_err(|error| error.to_string())?;
     let n = matrix.n_rows();
     let x: Vec<f64> = (1..=n).map(|i| (i as f64 * 0.618_033_988_749_894_9).fract() - 0.5).collect();

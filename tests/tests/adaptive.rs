@@ -46,7 +46,7 @@ fn count(outcome: &Outcome) -> f64 {
 }
 
 fn largest_error(outcome: &Outcome, k: f64) -> f64 {
-    outcome.steps.iter().map(|s| (s.measures[0].1 - exact(k, s.time)).abs()).fold(0.0, f64::max)
+    outcome.steps.iter().map(|s| (s.measures[0].1 - exact(k, s.window.end)).abs()).fold(0.0, f64::max)
 }
 
 /// Steps of a method of order p have the error h^(p+1): their number grows as the demand to the power -1/(p+1), and the error
@@ -89,7 +89,7 @@ fn bdf3_is_the_scheme_of_steps_that_the_run_chooses_where_there_are_first_rates_
              term balance on all : ({rate} + 2*(u - cos(t)))*Test_u\nstart u = 1\n{scheme}\n\
              steps t = 0 to 2 by auto with first=1e-3, error=1e-5\n"
         );
-        outcome(&text).steps.iter().map(|s| (s.time, s.state.clone())).collect::<Vec<_>>()
+        outcome(&text).steps.iter().map(|s| (s.window.end, s.state.clone())).collect::<Vec<_>>()
     };
     let (first, second) = ("Dot_u", "Dot2_u + Dot_u");
     assert!(states("", first) == states("scheme bdf3", first) && states("", first) != states("scheme bdf2", first));
@@ -109,7 +109,10 @@ fn a_state_counts_by_the_order_of_its_text() {
     let run = |demand: f64| {
         let steps = format!("steps t = 0 to 3 by auto with first=1e-7, least=1e-9, error={demand}");
         let outcome = outcome(&text(&steps));
-        (outcome.steps.iter().map(|s| (s.measures[1].1 - exact(s.time)).abs()).fold(0.0, f64::max), count(&outcome))
+        (
+            outcome.steps.iter().map(|s| (s.measures[1].1 - exact(s.window.end)).abs()).fold(0.0, f64::max),
+            count(&outcome),
+        )
     };
     let (coarse, fine) = (run(1e-4), run(1e-6));
     let (steps, error) = (power([coarse.1, fine.1], [1e-4, 1e-6]), power([coarse.0, fine.0], [1e-4, 1e-6]));
@@ -142,7 +145,7 @@ fn the_steps_are_those_of_bdf2_with_variable_increments() {
     let (mut u, mut quotient) = (1.0, None);
     let (mut widest, mut before): (f64, f64) = (0.0, f64::INFINITY);
     for step in &outcome.steps[1..] {
-        let (t, h) = (step.time, step.increment);
+        let (t, h) = (step.window.end, step.window.increment);
         let (c, history) = match quotient {
             None => (1.0 / h, 0.0),
             Some(q) => ((2.0 * h + before) / (h * (h + before)), -h / (h + before) * q),
@@ -160,7 +163,7 @@ fn the_steps_are_those_of_bdf2_with_variable_increments() {
 #[test]
 fn the_steps_are_those_of_bdf2_or_bdf3_with_variable_increments() {
     let outcome = outcome(&forced(3.0, "steps t = 0 to 6 by auto with first=1e-3, error=1e-5"));
-    let points: Vec<(f64, f64)> = outcome.steps.iter().map(|s| (s.time, s.measures[0].1)).collect();
+    let points: Vec<(f64, f64)> = outcome.steps.iter().map(|s| (s.window.end, s.measures[0].1)).collect();
     // the derivative at the first of some points of the polynomial through them
     let rate = |points: &[(f64, f64)]| -> f64 {
         let t = points[0].0;
@@ -208,11 +211,11 @@ fn backward_euler_takes_as_many_steps_as_a_method_of_first_order() {
 #[test]
 fn steps_end_where_they_must_and_bounds_hold() {
     let outcome = outcome(&forced(1.0, "steps t = 0 to 3.3 by auto with first=1e-3, error=1e-3, most=0.07"));
-    let times: Vec<f64> = outcome.steps.iter().map(|s| s.time).collect();
+    let times: Vec<f64> = outcome.steps.iter().map(|s| s.window.end).collect();
     assert_eq!((times[0], times[1], *times.last().unwrap()), (0.0, 1e-3, 3.3));
     assert!(times.windows(2).all(|w| w[1] > w[0] && w[1] - w[0] <= 0.07 * (1.0 + 1e-12)), "{times:?}");
     for (step, pair) in outcome.steps[1..].iter().zip(times.windows(2)) {
-        assert_eq!(step.increment, pair[1] - pair[0]);
+        assert_eq!(step.window.increment, pair[1] - pair[0]);
     }
 }
 
@@ -223,7 +226,12 @@ fn a_limit_is_taken_from_the_state_at_the_beginning_of_a_step() {
     let outcome = outcome(&text);
     for pair in outcome.steps.windows(2) {
         let limit = 0.05 * 0.8 / pair[0].measures[0].1;
-        assert!(pair[1].increment <= limit * (1.0 + 1e-12), "{} at {}", pair[1].increment, pair[0].time);
+        assert!(
+            pair[1].window.increment <= limit * (1.0 + 1e-12),
+            "{} at {}",
+            pair[1].window.increment,
+            pair[0].window.end
+        );
         assert_eq!(pair[0].limit, limit);
     }
 }
@@ -238,12 +246,12 @@ fn a_sudden_load_is_met_by_shorter_steps_and_rejected_attempts_are_listed() {
     let outcome = outcome(text);
     let rejected = |s: &&wfl_runtime::StepResult| s.attempts.iter().any(|a| matches!(a.end, AttemptEnd::Rejected(_)));
     let first = outcome.steps.iter().find(rejected).expect("a rejected attempt");
-    assert!(first.time <= 1.01, "{}", first.time);
+    assert!(first.window.end <= 1.01, "{}", first.window.end);
     let last = outcome.steps.last().unwrap();
     let exact = 1.0 - (-1.0f64).exp();
     assert!((last.measures[0].1 - exact).abs() < 0.01, "{:?}", last.measures);
     // the state is the sum over accepted steps alone
-    let sum: f64 = outcome.steps.iter().skip(1).map(|s| s.increment * s.measures[0].1).sum();
+    let sum: f64 = outcome.steps.iter().skip(1).map(|s| s.window.increment * s.measures[0].1).sum();
     assert!((last.measures[1].1 - sum).abs() < 1e-12 * sum, "{sum} {:?}", last.measures);
 }
 
@@ -254,7 +262,7 @@ fn a_load_that_jumps_over_time_is_met_exactly() {
                 term on all : (Dot_u + u - (if t > 1 then 1 else 0))*Test_u\n\
                 steps t = 0 to 2 by auto with error=1e-4\nmeasure m = max(u) on all\n";
     let outcome = outcome(text);
-    assert!(outcome.steps.iter().any(|s| s.time == 1.0 && s.measures[0].1 == 0.0));
+    assert!(outcome.steps.iter().any(|s| s.window.end == 1.0 && s.measures[0].1 == 0.0));
     let rejected = |a: &wfl_runtime::Attempt| matches!(a.end, AttemptEnd::Rejected(_));
     assert!(!outcome.steps.iter().flat_map(|s| &s.attempts).any(rejected));
     let last = outcome.steps.last().unwrap().measures[0].1;
@@ -294,7 +302,7 @@ fn steps_one_by_one_have_the_bits_of_a_run() {
     let mut session = Session::new(&scene, options()).expect("a session");
     let mut n = 0;
     while let Some(step) = session.step(&scene, &mut Quiet).expect("a step") {
-        assert_eq!((step.time, &step.state), (known.steps[n].time, &known.steps[n].state));
+        assert_eq!((step.window.end, &step.state), (known.steps[n].window.end, &known.steps[n].state));
         n += 1;
     }
     assert_eq!(n, known.steps.len());

@@ -123,7 +123,7 @@ fn a_step_that_ends_at_a_jump_loses_nothing() {
         unknown p : scalar on floor\nterm storage on floor : Dot_p*Test_p\nterm flow on floor : Grad_p.Grad_Test_p\n\
         load p = (if t < 0.333 then 1 else 2) on floor\nfix p = 0 on out\nsteps t = 0 to 1 by auto\nbalance water of p\n";
     let found = solved(text);
-    let short = found.outcome.steps.windows(2).map(|pair| pair[1].time - pair[0].time).fold(1.0, f64::min);
+    let short = found.outcome.steps.windows(2).map(|pair| pair[1].window.end - pair[0].window.end).fold(1.0, f64::min);
     assert!(short < 1e-9, "a step ends at the jump: {short}");
     assert!(doubts(&found.outcome).iter().all(|told| told.0 != "W650"), "{:?}", doubts(&found.outcome));
 }
@@ -153,7 +153,7 @@ fn adaptive_steps_conserve_the_volume_of_cracks_that_open() {
         assert!(steps.len() > 20, "{}", steps.len());
         let (mut moved, mut lost) = (0.0, 0.0);
         for (k, step) in steps.iter().enumerate().skip(1) {
-            let increment = step.time - steps[k - 1].time;
+            let increment = step.window.end - steps[k - 1].window.end;
             let of = |name: &str| found.measure(k, name).abs() * increment;
             moved += ["water_in", "water_out", "water_volume", "water_leak"].map(of).into_iter().fold(0.0, f64::max);
             lost += of("water_lost");

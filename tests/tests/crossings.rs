@@ -138,7 +138,7 @@ fn fields_on_edges_are_written_and_have_values_at_points() {
         let pieces: Vec<Piece> = found.scene.vtk[0]
             .pieces
             .iter()
-            .map(|piece| piece.written(piece.sample(&system.mesh, 0.0, 0.0, values)))
+            .map(|piece| piece.written(piece.sample(&system.mesh, wfl_runtime::Window::default(), values)))
             .collect();
         let lines =
             pieces.iter().find(|piece| piece.point_data.iter().any(|array| array.name == "pc")).expect("a piece");

@@ -168,7 +168,7 @@ fn steps_of_the_runs_own_choice_keep_the_order_of_each_scheme_with_second_rates(
                  region tip = faces where x == 1\nmeasure tip = mean(u) on tip\n"
             );
             let solved = run(bar(4, &rest));
-            let worst = |(k, s): (usize, &StepResult)| (solved.measure(k, "tip") - (w * s.time).cos()).abs();
+            let worst = |(k, s): (usize, &StepResult)| (solved.measure(k, "tip") - (w * s.window.end).cos()).abs();
             let error = solved.outcome.steps.iter().enumerate().map(worst).fold(0.0, f64::max);
             (f64::from(u32::try_from(solved.outcome.steps.len()).unwrap()), error)
         };

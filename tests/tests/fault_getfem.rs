@@ -87,7 +87,8 @@ fn compare(run: &Value, solved: &Solved, sample_yz: &[Value]) {
     assert!(!steps.is_empty(), "{}: nothing to compare", run["id"]);
     for expected in steps {
         let time = number(&expected["t"]);
-        let k = solved.outcome.steps.iter().position(|s| (s.time - time).abs() < 1e-9).expect("the same load steps");
+        let k =
+            solved.outcome.steps.iter().position(|s| (s.window.end - time).abs() < 1e-9).expect("the same load steps");
         assert!(solved.outcome.steps[k].history.converged(), "{}: t = {time} did not converge", run["id"]);
         for ((key, names, values), scale) in of(expected).into_iter().zip(&scales) {
             let scale = if key.starts_with("fraction") { 1.0 } else { *scale };

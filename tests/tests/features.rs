@@ -216,7 +216,11 @@ fn files_have_the_pressure_on_the_faces_of_a_mapping() {
     let Solved { scene, outcome } = &solved;
     let output = scene.vtk.iter().find(|o| o.file == "faces").expect("an output");
     let values = scene.system.values(&outcome.steps[0].state);
-    let pieces: Vec<_> = output.pieces.iter().map(|p| p.sample(&scene.system.mesh, 1.0, 1.0, values.view())).collect();
+    let pieces: Vec<_> = output
+        .pieces
+        .iter()
+        .map(|p| p.sample(&scene.system.mesh, wfl_runtime::Window::new(1.0, 1.0), values.view()))
+        .collect();
     let [piece] = pieces.as_slice() else { panic!("one region of faces has both") };
     let array = |name: &str| piece.cell_data.iter().find(|a| a.name == name).expect("an array");
     assert!(array("pressure").values.iter().all(|p| (p - 10.0).abs() < 1e-8), "{:?}", array("pressure").values);

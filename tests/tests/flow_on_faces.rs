@@ -295,7 +295,7 @@ fn one_value_a_face_is_cell_data() {
     let (system, state) = (&found.scene.system, &found.outcome.steps[0].state);
     let (current, previous) = (system.slices(state), system.previous_slices());
     let values = FieldValues { current: &current, previous: &previous, rates: None };
-    let piece = found.scene.vtk[0].pieces[0].sample(&system.mesh, 0.0, 0.0, values);
+    let piece = found.scene.vtk[0].pieces[0].sample(&system.mesh, wfl_runtime::Window::default(), values);
     let names = |arrays: &[Array]| arrays.iter().map(|a| a.name.clone()).collect::<Vec<_>>();
     assert_eq!(
         (names(&piece.point_data), names(&piece.cell_data)),

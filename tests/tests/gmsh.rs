@@ -47,9 +47,9 @@ fn an_inclined_fault_of_thirty_degrees_is_in_equilibrium() {
         let mut found = solved(name, &[], &[]);
         for step in [0, 19] {
             let state = found.outcome.steps[step].state.clone();
-            let time = found.outcome.steps[step].time;
+            let time = found.outcome.steps[step].window.end;
             let system = &mut found.scene.system;
-            system.begin_step(time, 0.5).expect("assembles");
+            system.begin_step(wfl_runtime::Window::new(time, 0.5)).expect("assembles");
             let residual = system.residual(&state, &wfl_runtime::Form::AS_WRITTEN).expect("assembles").values;
             // the residual at fixed dofs is what holds the blocks; loads: 3 on 16 square metres, t on the top of `right`
             let mut reaction = [0.0; 3];

@@ -87,7 +87,7 @@ fn a_block_between_plates_has_the_pressures_of_mandel() {
         }
         let of = |step: usize| found.measure(step, "pressure");
         let most = (1..found.outcome.steps.len()).max_by(|a, b| of(*a).total_cmp(&of(*b))).expect("steps");
-        let (time, most) = top([most - 1, most, most + 1].map(|k| [found.outcome.steps[k].time, of(k)]));
+        let (time, most) = top([most - 1, most, most + 1].map(|k| [found.outcome.steps[k].window.end, of(k)]));
         let peak = &series[case]["peak_centre"];
         assert_near("peak", most, number(&peak["p"]), 3e-6);
         assert_near("its time", time, number(&peak["T"]) * number(&should["t"]) / 0.1, 0.01);
@@ -302,7 +302,8 @@ fn lost(found: &Solved) -> Vec<(String, f64)> {
         let (mut most, mut moved) = (0.0f64, 0.0f64);
         let steps = &found.outcome.steps;
         for step in 0..steps.len() {
-            let increment = if steps.len() == 1 { 1.0 } else { steps[step].time - steps[step.max(1) - 1].time };
+            let increment =
+                if steps.len() == 1 { 1.0 } else { steps[step].window.end - steps[step.max(1) - 1].window.end };
             let own = names(step).filter(|name| name.strip_prefix(&balance).is_some_and(|end| end.starts_with('_')));
             let others = own.filter(|name| !name.ends_with("_lost"));
             moved += increment * others.map(|name| found.measure(step, &name).abs()).fold(0.0, f64::max);
@@ -341,7 +342,7 @@ fn example(path: &str) -> Solved {
 
 /// Of a run the step that ends at a time.
 fn step_at(found: &Solved, time: f64) -> usize {
-    let ends = |s: &wfl_runtime::StepResult| (s.time / time - 1.0).abs() < 1e-9;
+    let ends = |s: &wfl_runtime::StepResult| (s.window.end / time - 1.0).abs() < 1e-9;
     found.outcome.steps.iter().position(ends).unwrap_or_else(|| panic!("no step ends at {time}"))
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use wfl_jit::JitBackend;
-use wfl_runtime::{Branches, Form, LinearTerms, Scene, csr::Csr, team::in_threads};
+use wfl_runtime::{Branches, Form, LinearTerms, Scene, Window, csr::Csr, team::in_threads};
 use wfl_tests::prepared;
 
 /// What the ranks have together.
@@ -38,9 +38,9 @@ fn state(scene: &Scene) -> Vec<f64> {
 }
 
 fn assembled(scene: &mut Scene) -> Assembled {
-    let (time, increment) = match scene.steps.values.as_slice() {
-        [first, second, ..] => (*second, second - first),
-        _ => (1.0, 1.0),
+    let window = match scene.steps.values.as_slice() {
+        [first, second, ..] => Window::new(*second, second - first),
+        _ => Window::new(1.0, 1.0),
     };
     let u = state(scene);
     let Scene { system, contact, .. } = scene;
@@ -50,9 +50,9 @@ fn assembled(scene: &mut Scene) -> Assembled {
         let n = system.fields[k].n_dofs();
         system.set_data(k, vec![0.25; n]);
     }
-    system.begin_rates(increment);
-    system.begin_step(time, increment).expect("finite");
-    contact.begin_step((time, increment));
+    system.begin_rates(window.increment);
+    system.begin_step(window).expect("finite");
+    contact.begin_step(window);
     let mut all = Assembled { vectors: Vec::new(), branches: String::new(), matrices: Vec::new(), own: 0 };
     let mut tangent = system.new_tangent();
     let stuck = contact.tied(system, &u);
@@ -155,7 +155,7 @@ fn ranks_have_the_forces_of_the_mass_that_nodes_gave_away() {
 fn a_number_that_is_not_finite_is_the_same_error_on_every_rank() {
     let told = |scene: &mut Scene| {
         let mut u = state(scene);
-        scene.system.begin_step(1.0, 1.0).expect("finite");
+        scene.system.begin_step(Window::new(1.0, 1.0)).expect("finite");
         // a cell turned inside out far from the parts of most ranks
         u[0] = 1e3;
         let residual = scene.system.residual(&u, &Form::AS_WRITTEN);

@@ -20,7 +20,7 @@ fn a_step_too_large_is_solved_in_parts_and_ends_where_it_was_asked_to() {
     assert!(solved.outcome.converged());
     for (k, t) in [0.0, 1.0, 2.0, 3.0f64].into_iter().enumerate() {
         let step = &solved.outcome.steps[k];
-        assert_eq!(step.time.to_bits(), t.to_bits());
+        assert_eq!(step.window.end.to_bits(), t.to_bits());
         let exact = (100.0 * t).ln_1p();
         assert!((solved.measure(k, "reached") - exact).abs() < 1e-9, "t = {t}: {}", solved.measure(k, "reached"));
     }
@@ -445,8 +445,12 @@ fn a_power_law_with_a_multiplier_is_solved_for_every_parameter_of_the_augmentati
         assert!(solved.outcome.converged(), "p = {p}, gamma = {gamma}");
         for (k, step) in solved.outcome.steps.iter().enumerate() {
             assert!(step.parts().is_empty(), "p = {p}, gamma = {gamma}: {:?}", step.attempts);
-            let (found, exact) = (-solved.measure(k, "force"), force_of_the_floor(p, step.time));
-            assert!((found - exact).abs() < 1e-6, "p = {p}, gamma = {gamma}, t = {}: {found}, {exact}", step.time);
+            let (found, exact) = (-solved.measure(k, "force"), force_of_the_floor(p, step.window.end));
+            assert!(
+                (found - exact).abs() < 1e-6,
+                "p = {p}, gamma = {gamma}, t = {}: {found}, {exact}",
+                step.window.end
+            );
         }
         let later: Vec<usize> = solved.outcome.steps[1..].iter().map(|s| s.history.n_iterations()).collect();
         assert!(later.iter().all(|n| *n <= 12), "p = {p}, gamma = {gamma}: {later:?}");
@@ -463,8 +467,8 @@ fn rounding_of_a_state_far_away_makes_no_solution() {
         let solved = solve(&examples(), text, &[], &[]).expect("the scene is right");
         lost += usize::from(!solved.outcome.converged());
         for (k, step) in solved.outcome.steps.iter().enumerate().filter(|(_, s)| s.history.converged()) {
-            let (found, exact) = (-solved.measure(k, "force"), force_of_the_floor(p, step.time));
-            assert!((found - exact).abs() < 1e-6, "p = {p}, t = {}: {found}, {exact}", step.time);
+            let (found, exact) = (-solved.measure(k, "force"), force_of_the_floor(p, step.window.end));
+            assert!((found - exact).abs() < 1e-6, "p = {p}, t = {}: {found}, {exact}", step.window.end);
         }
     }
     assert!(lost > 0, "without a search some of these are out of reach");

@@ -39,7 +39,7 @@ fn the_cycle_of_bp1_on_coarse_cells_is_near_the_published_series() {
     let apart = (begins[1] - begins[0]) / number(&series["recurrence_periodic_yr"]);
     assert!((apart - 1.0).abs() < 0.05, "{begins:?}");
     let slip = |time: f64| {
-        let step = solved.outcome.steps.iter().position(|s| s.time >= time).expect("a step");
+        let step = solved.outcome.steps.iter().position(|s| s.window.end >= time).expect("a step");
         solved.measure(step, "surface")
     };
     let last = &quakes[1];

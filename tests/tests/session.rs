@@ -13,7 +13,7 @@ use std::{
 use wfl_compiler::InterpreterBackend;
 use wfl_jit::JitBackend;
 use wfl_runtime::{
-    Equations, FIXED, Outcome, Progress, Quiet, RunError, RunOptions, Scene, Session,
+    Equations, FIXED, Outcome, Progress, Quiet, RunError, RunOptions, Scene, Session, Window,
     contact::{ContactPoints, PointState, contact_points},
     newton::NewtonError,
     results::field_grids,
@@ -65,7 +65,11 @@ fn steps_one_by_one_have_the_bits_of_a_run() {
         let mut n = 0;
         while let Some(step) = session.step(&scene, &mut Quiet).expect("a step") {
             let known = &outcome.steps[n];
-            assert_eq!((step.time, bits(&step.state)), (known.time, bits(&known.state)), "{name}: step {n}");
+            assert_eq!(
+                (step.window.end, bits(&step.state)),
+                (known.window.end, bits(&known.state)),
+                "{name}: step {n}"
+            );
             assert_eq!(format!("{:?}", step.measures), format!("{:?}", known.measures), "{name}: step {n}");
             n += 1;
         }
@@ -76,14 +80,14 @@ fn steps_one_by_one_have_the_bits_of_a_run() {
         // nothing of a run is left to the next one of the same scene
         let again = run(&whole, &options(), &mut Quiet).expect("a run");
         for (a, b) in again.steps.iter().zip(&outcome.steps) {
-            assert_eq!(bits(&a.state), bits(&b.state), "{name}: again, t = {}", a.time);
+            assert_eq!(bits(&a.state), bits(&b.state), "{name}: again, t = {}", a.window.end);
         }
         // values that the caller chooses are solved as those of the scene
         let scene = made();
         let mut session = Session::new(&scene, options()).expect("a start");
         for known in outcome.steps.iter().take(4) {
-            let step = session.step_to(&scene, known.time, &mut Quiet).expect("a step");
-            assert_eq!(bits(&step.state), bits(&known.state), "{name}: t = {}", known.time);
+            let step = session.step_to(&scene, known.window.end, &mut Quiet).expect("a step");
+            assert_eq!(bits(&step.state), bits(&known.state), "{name}: t = {}", known.window.end);
         }
     }
 }
@@ -121,7 +125,7 @@ fn an_own_newton_iteration_in_an_own_loop_over_time_finds_what_a_run_finds() {
         let scene = example(path, &[], &[]);
         let mut session = Session::new(&scene, options()).expect("a start");
         for known in &outcome.steps {
-            let mut u = session.begin(&scene, known.time).expect("a step").to_vec();
+            let mut u = session.begin(&scene, known.window.end).expect("a step").to_vec();
             let given = session.steps().is_empty() && scene.steps.from_start;
             for _ in 0..if given { 0 } else { 30 } {
                 let r = session.residual(&u).expect("finite");
@@ -136,9 +140,9 @@ fn an_own_newton_iteration_in_an_own_loop_over_time_finds_what_a_run_finds() {
             let step = session.accept(&scene, &u, &mut Quiet).expect("a state");
             let size = known.state.iter().fold(0.0f64, |m, x| m.max(x.abs()));
             let apart = step.state.iter().zip(&known.state).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-            assert!(apart <= 1e-9 * size, "{path}, t = {}: {apart:e} of {size:e}", known.time);
+            assert!(apart <= 1e-9 * size, "{path}, t = {}: {apart:e} of {size:e}", known.window.end);
             for ((name, a), (_, b)) in step.measures.iter().zip(&known.measures) {
-                assert!((a - b).abs() <= 1e-8 * b.abs() + 1e-12, "{path}, t = {}: {name} {a} {b}", known.time);
+                assert!((a - b).abs() <= 1e-8 * b.abs() + 1e-12, "{path}, t = {}: {name} {a} {b}", known.window.end);
             }
         }
     }
@@ -243,28 +247,28 @@ fn data_that_the_caller_gives_are_asked_for_once_a_step_and_give_the_bits_of_the
     let asked = Arc::new(AtomicUsize::new(0));
     let count = Arc::clone(&asked);
     let span = scene.terms[0].span;
-    let formula = move |x: &[[f64; 3]], t: f64, _: f64| {
+    let formula = move |x: &[[f64; 3]], step: Window| {
         count.fetch_add(1, Ordering::Relaxed);
-        Some(x.iter().map(|x| 1.0 + x[0] * t).collect())
+        Some(x.iter().map(|x| 1.0 + x[0] * step.stage).collect())
     };
     scene.give_data("k", span, Box::new(formula)).expect("a data field");
     let given = run(&scene, &options(), &mut Quiet).expect("a run");
     assert_eq!(asked.load(Ordering::Relaxed), 5, "once for each value of t");
     for (a, b) in known.steps.iter().zip(&given.steps) {
-        assert_eq!(bits(&a.state), bits(&b.state), "t = {}", a.time);
+        assert_eq!(bits(&a.state), bits(&b.state), "t = {}", a.window.end);
     }
     scene.set_steps(&[0.0, 0.5, 2.0]).expect("values");
     let other = run(&scene, &options(), &mut Quiet).expect("a run");
-    assert_eq!(other.steps.iter().map(|s| s.time).collect::<Vec<_>>(), [0.0, 0.5, 2.0]);
+    assert_eq!(other.steps.iter().map(|s| s.window.end).collect::<Vec<_>>(), [0.0, 0.5, 2.0]);
     let pairs = other.steps[1].state.iter().zip(&known.steps[2].state);
     assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-13 * b.abs()), "the same state by another way");
     // a source that fails ends the run before anything is assembled, and names what it was for
-    scene.give_data("k", span, Box::new(|_, _, _| None)).expect("a data field");
+    scene.give_data("k", span, Box::new(|_, _| None)).expect("a data field");
     let failed = run(&scene, &options(), &mut Quiet).expect_err("no values");
     assert!(failed.to_string().contains("what the caller gives for `k`"), "{failed}");
-    let wrong = scene.give_data("u", span, Box::new(|_, _, _| None)).expect_err("an unknown");
+    let wrong = scene.give_data("u", span, Box::new(|_, _| None)).expect_err("an unknown");
     assert!(wrong.to_string().contains("given as a start"), "{wrong}");
-    assert!(scene.give_data("q", span, Box::new(|_, _, _| None)).expect_err("no field").to_string().contains("k, u"));
+    assert!(scene.give_data("q", span, Box::new(|_, _| None)).expect_err("no field").to_string().contains("k, u"));
     assert!(scene.set_steps(&[0.0, 1.0, 0.5]).is_err() && scene.set_steps(&[]).is_err());
 }
 
@@ -292,7 +296,7 @@ fn a_run_stops_before_the_next_iteration_and_goes_on_later_with_the_same_bits() 
             }
         }
         let again = session.step(&scene, &mut Quiet).expect("a step").expect("one is left");
-        assert_eq!(bits(&again.state), bits(&step.state), "t = {}", step.time);
+        assert_eq!(bits(&again.state), bits(&step.state), "t = {}", step.window.end);
     }
 }
 

@@ -51,7 +51,12 @@ fn agrees(text: &str, terms: &[&str]) {
         let size = b.steps.iter().flat_map(|s| &s.state[range.clone()]).fold(0.0f64, |m, x| m.max(x.abs()));
         for (x, y) in a.steps.iter().zip(&b.steps) {
             let apart = range.clone().map(|d| (x.state[d] - y.state[d]).abs()).fold(0.0f64, f64::max);
-            assert!(apart <= ROUNDING * size, "{} moves by {apart:e} of {size:e} at {}\n{text}", field.name, x.time);
+            assert!(
+                apart <= ROUNDING * size,
+                "{} moves by {apart:e} of {size:e} at {}\n{text}",
+                field.name,
+                x.window.end
+            );
         }
     }
 }
@@ -177,7 +182,7 @@ fn the_bits_are_those_of_any_number_of_threads_and_of_a_run_that_goes_back() {
         session.go_back(&scene, &standing, &mut Quiet).expect("of this scene");
         go(&mut session, 70);
         for (a, b) in one.steps.iter().zip(session.steps()) {
-            assert_eq!(bits(&a.state), bits(&b.state), "{}", a.time);
+            assert_eq!(bits(&a.state), bits(&b.state), "{}", a.window.end);
             assert_eq!((&a.measures, &a.accuracy), (&b.measures, &b.accuracy));
         }
     }
@@ -197,7 +202,7 @@ fn ranks_have_the_numbers_of_one_process() {
         for rank in holdings.iter().flat_map(|holding| shared.on_ranks(2, *holding, solved)) {
             for (a, b) in alone.steps.iter().zip(&rank.steps) {
                 for ((name, x), (_, y)) in a.measures.iter().zip(&b.measures) {
-                    assert!((x - y).abs() <= 1e-11 * x.abs().max(1.0), "{name} = {y:e} of {x:e} at {}", a.time);
+                    assert!((x - y).abs() <= 1e-11 * x.abs().max(1.0), "{name} = {y:e} of {x:e} at {}", a.window.end);
                 }
             }
         }

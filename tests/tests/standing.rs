@@ -45,7 +45,7 @@ fn session(scene: &Scene) -> Session {
 /// The numbers of a step, to be compared bit by bit.
 fn numbers(step: &StepResult) -> (u64, Vec<u64>, String) {
     let bits = step.state.iter().map(|x| x.to_bits()).collect();
-    (step.time.to_bits(), bits, format!("{:?} {:?} {:?}", step.measures, step.friction, step.series))
+    (step.window.end.to_bits(), bits, format!("{:?} {:?} {:?}", step.measures, step.friction, step.series))
 }
 
 fn stands(session: &mut Session, scene: &Scene) -> Standing {
@@ -143,7 +143,7 @@ fn the_steps_are_those_of_the_way_that_was_gone() {
     session.go_back(&scene, &fork, &mut Quiet).expect("it has stood there");
     way(&mut session, &[0.5, 0.9]);
     session.go_back(&scene, &first, &mut Quiet).expect("it has stood there");
-    assert_eq!(session.steps().iter().map(|s| s.time).collect::<Vec<_>>(), [0.0, 0.1, 0.2]);
+    assert_eq!(session.steps().iter().map(|s| s.window.end).collect::<Vec<_>>(), [0.0, 0.1, 0.2]);
     assert!(way(&mut session, &[0.3])[0] == known[1]);
 }
 
@@ -182,8 +182,8 @@ fn a_step_that_is_stopped_in_the_middle_of_its_parts_leaves_nothing() {
             }
         }
         let step = other.step(&scene, &mut Quiet).expect("a step").expect("one is left");
-        assert!(numbers(step) == *numbers_there, "t = {}", step.time);
-        assert_eq!(step.attempts.len(), *attempts, "t = {}", step.time);
+        assert!(numbers(step) == *numbers_there, "t = {}", step.window.end);
+        assert_eq!(step.attempts.len(), *attempts, "t = {}", step.window.end);
     }
 }
 

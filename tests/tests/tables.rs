@@ -51,7 +51,7 @@ fn one_number(rest: &str) -> String {
 }
 
 fn times(outcome: &Outcome) -> Vec<f64> {
-    outcome.steps.iter().map(|s| s.time).collect()
+    outcome.steps.iter().map(|s| s.window.end).collect()
 }
 
 fn values(outcome: &Outcome, measure: &str) -> Vec<f64> {
@@ -109,13 +109,13 @@ fn a_curve_of_an_unknown_is_solved_with_its_slope() {
     );
     let outcome = folder.outcome(&text);
     for (step, (u, slope)) in outcome.steps.iter().zip(values(&outcome, "m").iter().zip(values(&outcome, "slope"))) {
-        let (expected, k) = match step.time {
+        let (expected, k) = match step.window.end {
             t if t < 1.0 => (0.1 * t, 10.0),
             t if t < 1.4 => (0.1 + (t - 1.0), 1.0),
             t => (0.5 + 5.0 * (t - 1.4), 0.2),
         };
-        assert!((u - expected).abs() < 1e-12, "{u} at {}", step.time);
-        assert!((slope - k).abs() < 1e-12, "{slope} at {}", step.time);
+        assert!((u - expected).abs() < 1e-12, "{u} at {}", step.window.end);
+        assert!((slope - k).abs() < 1e-12, "{slope} at {}", step.window.end);
         assert!(step.history.iterations.len() <= 6, "{} iterations", step.history.iterations.len());
     }
 }
@@ -149,7 +149,7 @@ fn interpreter_and_machine_code_have_the_same_bits() {
     assert_eq!(machine.steps.len(), other.steps.len());
     for (a, b) in machine.steps.iter().zip(&other.steps) {
         let bits = |s: &[f64]| s.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-        assert_eq!(bits(&a.state), bits(&b.state), "t = {}", a.time);
+        assert_eq!(bits(&a.state), bits(&b.state), "t = {}", a.window.end);
         assert!(a.state.iter().any(|x| *x != 0.0));
         let measured = |list: &[(String, f64)]| list.iter().map(|m| m.1.to_bits()).collect::<Vec<_>>();
         assert_eq!(measured(&a.measures), measured(&b.measures));

@@ -85,7 +85,7 @@ fn the_smallest_determinant_is_that_of_a_measure_and_the_first_step_is_told() {
             Some(found) => assert!((found - least).abs() < 1e-12 * least.abs(), "{found}, {least}"),
             None => assert!(least > 0.0, "step {k}: {least}"),
         }
-        first = first.or(told.map(|_| step.time));
+        first = first.or(told.map(|_| step.window.end));
     }
     let time = first.expect("cells turn");
     let texts: Vec<_> = doubts(&made.outcome).into_iter().filter(|(code, _)| *code == "W616").collect();

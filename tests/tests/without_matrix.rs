@@ -6,7 +6,7 @@ use std::{path::Path, sync::Arc};
 use wfl::{NoFiles, SourceMap, resolve};
 use wfl_jit::JitBackend;
 use wfl_runtime::{
-    Scene, System,
+    Scene, System, Window,
     csr::Csr,
     prepare,
     solve::{CheckedMultigrid, NodeLayout, Operator, SolverOptions},
@@ -28,7 +28,7 @@ fn prepared(text: &str) -> Scene {
     let mut scene = scene(text);
     assert_eq!(scene.system.obstacle_to_operator(), None, "{text}");
     scene.system.leave_matrix();
-    scene.system.begin_step(1.0, 1.0).expect("a step");
+    scene.system.begin_step(Window::new(1.0, 1.0)).expect("a step");
     scene
 }
 
@@ -244,7 +244,7 @@ fn residuals_and_reactions() {
     let (with_operator, mut with_matrix) = (prepared(text), scene(text));
     let u = numbers(with_operator.system.numbering.n_dofs);
     let applied = with_operator.system.residual(&u, &Form::AS_WRITTEN).expect("a residual");
-    with_matrix.system.begin_step(1.0, 1.0).expect("a step");
+    with_matrix.system.begin_step(Window::new(1.0, 1.0)).expect("a step");
     assert!(with_matrix.system.operator().is_none());
     let stored = with_matrix.system.residual(&u, &Form::AS_WRITTEN).expect("a residual");
     let size = largest(stored.values.iter().copied());

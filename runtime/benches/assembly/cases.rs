@@ -3,7 +3,7 @@
 use wfl::{Loader, SourceId};
 use wfl_compiler::TermLaw;
 use wfl_runtime::{
-    Scene, System,
+    Scene, System, Window,
     assemble::{BranchCounts, FieldValues},
     csr::{Csr, PatternBuilder},
 };
@@ -106,7 +106,7 @@ impl Problem {
         system.terms[0].for_each_entity(|rows, columns| pattern.add_coupling(rows, columns));
         let matrix = Csr::zeros(pattern.build_shared().map_err(|e| e.to_string())?);
         system.terms[0].locate(matrix.pattern(), &system.numbering.free);
-        system.terms[0].set_step((0.0, 0.0));
+        system.terms[0].set_step(Window::default());
         // small displacements that differ from node to node, both signs of the gap
         let state = (0..n).map(|k| 1e-3 * ((k * 7919 % 1000) as f64 / 1000.0 - 0.5)).collect();
         Ok(Self { scene, matrix, residual: vec![0.0; n], branches: BranchCounts::default(), state })

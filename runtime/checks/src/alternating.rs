@@ -106,7 +106,7 @@ fn judged(system: &System, u: &[f64], pair: &mut PorePressure) -> Option<Alterna
     let (field, range) = (&system.fields[pair.pressure], system.range(pair.pressure)?);
     let FieldSpace::Nodal(space) = &field.space else { return None };
     let values = &u[range];
-    let increment = system.step().1;
+    let increment = system.step().increment;
     if system.is_linear() && pair.long_enough == Some(increment) {
         return None;
     }

@@ -82,7 +82,7 @@ fn coarse_load(system: &System, term: usize, degree: usize) -> Option<CoarseLoad
         Finding { size: worst.0, numbers: system.fields[field].node_position(node).to_vec(), names: Vec::new() }
     });
     let position = Finding::worst(own, system.team())?.numbers.try_into().ok()?;
-    let (share, time) = (sums[0] / sums[1], system.step().0);
+    let (share, time) = (sums[0] / sums[1], system.step().stage);
     (share > MOVED).then_some(CoarseLoad { term, degree, share, time, position })
 }
 

@@ -53,7 +53,7 @@ impl Progress for Terminal {
     fn resumed(&mut self, last: Option<&StepResult>) {
         if self.loudness != Loudness::Quiet {
             self.line(&match last {
-                Some(step) => format!("continues after t = {}", step.time),
+                Some(step) => format!("continues after t = {}", step.window.end),
                 None => "no checkpoint of an earlier run: starts from the beginning".to_owned(),
             });
         }
@@ -138,7 +138,7 @@ impl Progress for Terminal {
             let residual = last.map_or(f64::NAN, |i| i.residual);
             self.line(&format!(
                 "t = {:<8} {:>2} iterations  residual {residual:.1e} ({word}){contact}",
-                step.time,
+                step.window.end,
                 step.iterations()
             ));
         }
@@ -158,7 +158,7 @@ fn parts(step: &StepResult) -> Option<String> {
     let done = if step.history.converged() { "solved" } else { "NOT solved" };
     Some(format!(
         "t = {}: {done} in smaller increments: {failed} attempts failed, {} increments converged, the smallest was 1/{} of {what}",
-        step.time,
+        step.window.end,
         solved.len(),
         (1.0 / smallest).round()
     ))

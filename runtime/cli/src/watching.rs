@@ -110,7 +110,7 @@ impl Progress for Watching {
 
     fn step_done(&mut self, step: &StepResult) {
         let contact = step.history.iterations.last().and_then(|i| i.contact);
-        self.watched.steps.push(WatchedStep { time: step.time, measures: step.measures.clone(), contact });
+        self.watched.steps.push(WatchedStep { time: step.window.end, measures: step.measures.clone(), contact });
         self.terminal.step_done(step);
         self.shown();
     }

@@ -30,9 +30,9 @@ use super::{
 };
 use wfl_discrete::{
     assemble::FieldValues,
-    rates::StepAt,
     system::{System, TermBranches},
     value::uniforms_at,
+    window::Window,
 };
 
 /// A law is one of increments if its argument changes by less than this part when past and present move together, and it
@@ -413,7 +413,7 @@ impl ContactTerm {
         next.iter().for_each(|(field, values)| current[*field] = values);
         let past = &current[..system.fields.len()];
         let values = FieldValues { current: &current, previous: past, ..values };
-        let uniforms = uniforms_at(&self.law.law.prologue, StepAt { increment: 0.0, ..self.step });
+        let uniforms = uniforms_at(&self.law.law.prologue, Window { increment: 0.0, ..self.window });
         let points = self.points_on(system, values, data, &uniforms);
         let is_finite = |p: &Point| p.outputs[ball.output..][..ball.n].iter().all(|x| x.is_finite());
         if points.iter().all(is_finite) {

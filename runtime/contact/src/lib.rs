@@ -67,8 +67,8 @@ use wfl_compiler::{
 };
 
 use wfl_discrete::assemble::FieldValues;
-use wfl_discrete::rates::StepAt;
 use wfl_discrete::system::{ActiveSet, System, TermBranches};
+use wfl_discrete::window::Window;
 use wfl_host::team::{Alone, Team};
 
 /// The first choices from a start without a past are made for whole entities: the first finds where bodies touch, the second
@@ -91,7 +91,7 @@ pub struct Contact {
     /// Points may be closed at the start that nothing prescribed brings together.
     closes_far: bool,
     complementarity: Complementarity,
-    time: f64,
+    window: Window,
     /// Where several ranks have the points.
     team: Option<Arc<dyn Team>>,
 }
@@ -148,10 +148,9 @@ impl Contact {
     }
 
     /// Brings the laws to a step.
-    pub fn begin_step(&mut self, step: impl Into<StepAt>) {
-        let step = step.into();
-        self.time = step.time;
-        self.terms.iter_mut().for_each(|t| t.begin_step(step));
+    pub fn begin_step(&mut self, window: Window) {
+        self.window = window;
+        self.terms.iter_mut().for_each(|t| t.begin_step(window));
     }
 
     /// Says whether the active set belongs to a converged state, which the next step starts from.
@@ -182,13 +181,13 @@ impl Contact {
         let states = self.read(system, u);
         let on_trend = self.is_on_trend();
         self.converged.truncate(1);
-        self.converged.insert(0, ConvergedState { time: self.time, on_trend, states });
+        self.converged.insert(0, ConvergedState { time: self.window.stage, on_trend, states });
     }
 
     /// True unless the active set of this state is nearer to that of the last state than to the extrapolated one.
     fn is_on_trend(&self) -> bool {
         let [last, before] = self.converged.as_slice() else { return true };
-        let Some(ahead) = last.extrapolated(before, self.time) else { return true };
+        let Some(ahead) = last.extrapolated(before, self.window.stage) else { return true };
         let wrong = |states: &[ProjectionState]| -> usize {
             let each = self.terms.iter().zip(states).zip(&self.active.terms);
             let next =
@@ -201,7 +200,7 @@ impl Contact {
     /// Chooses the active set of a step that goes on as the last two did. Where it does not, this costs an iteration.
     fn extrapolate(&mut self) {
         let [last, before] = self.converged.as_slice() else { return };
-        let Some(ahead) = last.extrapolated(before, self.time).filter(|_| last.on_trend) else { return };
+        let Some(ahead) = last.extrapolated(before, self.window.stage).filter(|_| last.on_trend) else { return };
         self.complementarity.set_choices(0);
         for ((term, ahead), data) in self.terms.iter().zip(&ahead).zip(&mut self.active.terms) {
             *data = term.next_branches(&self.complementarity, ahead, data);

@@ -10,7 +10,7 @@ use wfl_compiler::{
     ir::Inst,
     types::{BasisSlot, FieldKind, FieldOp, InputSlot},
 };
-use wfl_discrete::{field::Field, rates::StepAt, value::uniforms_at};
+use wfl_discrete::{field::Field, value::uniforms_at, window::Window};
 
 /// The derivatives of the arguments of the projections of a term.
 #[derive(Clone)]
@@ -24,13 +24,13 @@ impl ArgumentSlopes {
     /// Derivatives at step 0.
     pub(super) fn new(law: Option<SlopesLaw>) -> Self {
         let mut this = Self { law: law.map(Arc::new), uniforms: Vec::new() };
-        this.set_step(StepAt::default());
+        this.set_step(Window::default());
         this
     }
 
     /// Sets the step.
-    pub(super) fn set_step(&mut self, step: StepAt) {
-        self.uniforms = self.law.as_ref().map_or_else(Vec::new, |law| uniforms_at(&law.law.prologue, step));
+    pub(super) fn set_step(&mut self, window: Window) {
+        self.uniforms = self.law.as_ref().map_or_else(Vec::new, |law| uniforms_at(&law.law.prologue, window));
     }
 
     /// The inputs that the derivatives read.

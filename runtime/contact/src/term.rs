@@ -14,9 +14,9 @@ use super::{
 use wfl_discrete::assemble::{AssembledTerm, FieldValues, Over};
 use wfl_discrete::domain::NAME;
 use wfl_discrete::field::Field;
-use wfl_discrete::rates::StepAt;
 use wfl_discrete::system::{System, TermBranches};
 use wfl_discrete::value::{Sampled, Value};
+use wfl_discrete::window::Window;
 use wfl_mesh::mesh::Mesh;
 
 /// Below this `c`, a factor on what the argument of a projection has beyond its value, contact is stiff against the bodies: a
@@ -46,7 +46,7 @@ pub struct ContactTerm {
     pub(super) acts_when_open: bool,
     pub(super) scaling: Scaling,
     /// The step that it was brought to.
-    pub(super) step: StepAt,
+    pub(super) window: Window,
     /// The shortest edge of a face of the other side, as soon as somebody has asked.
     pub(super) shortest_face: OnceLock<f64>,
     /// Where several ranks have the points.
@@ -117,7 +117,7 @@ impl ContactTerm {
             has_multiplier,
             acts_when_open: background::acts_when_open(&form.law, field),
             scaling,
-            step: StepAt::default(),
+            window: Window::default(),
             shortest_face: OnceLock::new(),
             shared: None,
             graph: OnceLock::new(),
@@ -125,10 +125,10 @@ impl ContactTerm {
     }
 
     /// Sets the step.
-    pub(super) fn begin_step(&mut self, step: StepAt) {
-        self.step = step;
-        self.law = self.law.at_step(step);
-        self.slopes.set_step(step);
+    pub(super) fn begin_step(&mut self, window: Window) {
+        self.window = window;
+        self.law = self.law.at_step(window);
+        self.slopes.set_step(window);
     }
 
     /// The form of the term whose branches are frozen.

@@ -25,6 +25,7 @@ use wfl_discrete::{
     space::Space,
     system::{FrozenTerm, Known, Numbering, System},
     value::Value,
+    window::Window,
 };
 use wfl_mesh::{
     element::Family,
@@ -177,9 +178,9 @@ impl Made {
         let known = Known { data: vec![Vec::new(); fields.len()], ..Known::default() };
         let mut system = System::new(mesh, fields, numbering, terms, known).unwrap();
         system.add_frozen(frozen).unwrap();
-        system.begin_step(1.0, 1.0).unwrap();
+        system.begin_step(Window::new(1.0, 1.0)).unwrap();
         let mut contact = Contact::new(contact);
-        contact.begin_step((1.0, 1.0));
+        contact.begin_step(Window::new(1.0, 1.0));
         Block { system, contact }
     }
 }

@@ -86,7 +86,7 @@ fn converged(overlaps: &[f64]) -> Block {
     let mut block = Block::with_friction(1);
     for (k, overlap) in overlaps.iter().enumerate() {
         #[expect(clippy::cast_precision_loss, reason = "few steps")]
-        block.contact.begin_step((1.0 + k as f64, 1.0));
+        block.contact.begin_step(Window::new(1.0 + k as f64, 1.0));
         let u = block.moved([0.0, -overlap], [0.0; 2]);
         block.contact.freeze_as_written(&block.system, &u);
         block.contact.set_warm(true);
@@ -106,7 +106,7 @@ fn a_step_begins_with_the_contact_that_the_last_two_lead_to() {
     // 0.3 above the floor, then 0.1: at the same pace it is pressed by 0.1
     let mut block = converged(&[-0.3, -0.1]);
     assert_eq!(n_closed(&block.contact), 0);
-    block.contact.begin_step((3.0, 1.0));
+    block.contact.begin_step(Window::new(3.0, 1.0));
     let u = block.moved([0.0, 0.1], [0.0; 2]);
     block.contact.initialise(&block.system, &u, None);
     assert_eq!(n_closed(&block.contact), 2);
@@ -115,7 +115,7 @@ fn a_step_begins_with_the_contact_that_the_last_two_lead_to() {
 #[test]
 fn after_one_step_nothing_is_extrapolated() {
     let mut block = converged(&[-0.1]);
-    block.contact.begin_step((2.0, 1.0));
+    block.contact.begin_step(Window::new(2.0, 1.0));
     let u = block.moved([0.0, 0.1], [0.0; 2]);
     block.contact.initialise(&block.system, &u, None);
     assert_eq!(n_closed(&block.contact), 0);
@@ -126,7 +126,7 @@ fn loads_that_turn_are_not_extrapolated() {
     // it came down, and went up again: the state before is nearer than the one that was expected
     let mut block = converged(&[-0.3, -0.1, -0.2]);
     assert!(!block.contact.converged[0].on_trend);
-    block.contact.begin_step((4.0, 1.0));
+    block.contact.begin_step(Window::new(4.0, 1.0));
     let before = block.contact.active_set().clone();
     let u = block.moved([0.0, 0.2], [0.0; 2]);
     block.contact.initialise(&block.system, &u, None);

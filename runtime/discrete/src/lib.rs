@@ -4,9 +4,9 @@
 //! them, [`field`] gives them components, [`assemble`]
 //! integrates compiled point laws over domains into residuals and tangents, [`value`] evaluates expressions, [`frames`]
 //! holds the local frames of prescribed directions, [`rates`] what `Dot_u` and `Dot2_u` read of the past, [`lumped`] a
-//! mass on the diagonal, [`redistribution`] one that some nodes give away, [`share`] the rows of ranks. Promises sums in one fixed order for any number of threads, and
-//! that a number that is not finite is reported with its place ([`finite`]). Does not solve, step, read scenes or write
-//! results.
+//! mass on the diagonal, [`redistribution`] one that some nodes give away, [`share`] the rows of ranks, [`window`] when it
+//! is. Promises sums in one fixed order for any number of threads, and that a number that is not finite is reported with its
+//! place ([`finite`]). Does not solve, step, read scenes or write results.
 #![forbid(unsafe_code)]
 
 pub mod areas;
@@ -27,3 +27,4 @@ pub mod share;
 pub mod space;
 pub mod system;
 pub mod value;
+pub mod window;

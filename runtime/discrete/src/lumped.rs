@@ -21,6 +21,7 @@ use crate::{
     finite::largest,
     rates::{RateFactors, Rates},
     system::{Branches, FIXED, System, SystemError},
+    window::Window,
 };
 
 /// Mass and damping on the diagonal, by dof in the local frames of nodes; zero at dofs without inertia.
@@ -242,7 +243,7 @@ fn set_rate(system: &mut System, order: RateOrder, field: usize, component: Opti
             RateOrder::Second => rates.take(&zero, &one),
         }
     }
-    system.set_laws(time, 0.0);
+    system.set_laws(Window::instant(time));
 }
 
 /// No rates.
@@ -251,7 +252,7 @@ fn rest(system: &mut System, time: f64) {
     if let Some(rates) = system.rates_mut() {
         rates.take(&zero, &zero);
     }
-    system.set_laws(time, 0.0);
+    system.set_laws(Window::instant(time));
 }
 
 /// The residual of some terms, by dof in the axes of the scene: the rows of this rank.
@@ -406,7 +407,7 @@ impl Operator {
             if let Some(rates) = system.rates_mut() {
                 rates.probe(RateFactors { velocity: 1.0, ..RateFactors::default() });
             }
-            system.set_laws(time, 0.0);
+            system.set_laws(Window::instant(time));
             let mut moving = system.new_tangent();
             system.tangent(u, Branches::AsWritten, &mut moving)?;
             let mut moving = moving.changing;

@@ -15,24 +15,6 @@ pub use linear::Kept;
 pub use scheme::{Alpha, KEPT, Lengths, MOST_ORDER, Row, Rows, Scheme};
 use wfl_compiler::types::{RateFactor, RateForm, RateOrder};
 
-/// What point laws are told of a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StepAt {
-    /// The step variable.
-    pub time: f64,
-    /// Its increment from the step before.
-    pub increment: f64,
-    /// The scalars of rates.
-    pub factors: RateFactors,
-}
-
-/// A step without scalars of rates: for laws that read none.
-impl From<(f64, f64)> for StepAt {
-    fn from(of: (f64, f64)) -> Self {
-        Self { time: of.0, increment: of.1, factors: RateFactors::default() }
-    }
-}
-
 /// The scalars that the change of a field is multiplied by.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RateFactors {

@@ -178,8 +178,7 @@ fn mass(system: &mut System) -> Result<Csr, SystemError> {
         if let Some(rates) = system.rates_mut() {
             rates.probe(RateFactors { acceleration, ..RateFactors::default() });
         }
-        let (time, increment) = system.step();
-        system.set_laws(time, increment);
+        system.set_laws(system.step());
         system.tangent_of(&wanted)
     };
     let without = at(0.0)?;
@@ -196,8 +195,7 @@ fn mass(system: &mut System) -> Result<Csr, SystemError> {
         made = at(factor)?;
     }
     system.hold_rates();
-    let (time, increment) = system.step();
-    system.set_laws(time, increment);
+    system.set_laws(system.step());
     made.values_mut().iter_mut().zip(without.values()).for_each(|(a, b)| *a = (*a - b) / factor);
     Ok(made)
 }

@@ -54,6 +54,7 @@ use crate::finite::BadGiven;
 use crate::frames::{Frame, Frames};
 use crate::pruning::Pruning;
 use crate::share::Share;
+use crate::window::Window;
 use wfl_host::memory::{TooMuchMemory, claim_numbers};
 use wfl_mesh::mesh::Mesh;
 use wfl_sparse::csr::{Csr, CsrError, Pattern, PatternBuilder};
@@ -88,9 +89,8 @@ pub struct System {
     /// Data and the past.
     known: Known,
     frozen: Vec<FrozenTerm>,
-    /// The step variable.
-    time: f64,
-    increment: f64,
+    /// The step that the laws stand at.
+    window: Window,
     linear: Option<Arc<LinearMatrix>>,
     /// By linear term: the uniforms that the matrix was assembled with.
     linear_uniforms: Vec<Vec<f64>>,
@@ -154,8 +154,7 @@ impl System {
             terms,
             known,
             frozen: Vec::new(),
-            time: 0.0,
-            increment: 0.0,
+            window: Window::default(),
             linear: None,
             linear_uniforms: Vec::new(),
             bulk: Arc::new(nothing(n_free)),
@@ -298,27 +297,26 @@ impl System {
     }
 
     /// Brings the laws of all terms to a step; assembles nothing.
-    pub fn set_laws(&mut self, time: f64, increment: f64) {
-        (self.time, self.increment) = (time, increment);
-        let step = self.step_at(time, increment);
+    pub fn set_laws(&mut self, window: Window) {
+        let window = self.with_present_rates(window);
+        self.window = window;
         let frozen = self.frozen.iter_mut().map(|f| &mut f.form);
-        self.terms.iter_mut().chain(frozen).for_each(|t| t.set_step(step));
+        self.terms.iter_mut().chain(frozen).for_each(|t| t.set_step(window));
     }
 
-    /// Looks at the equations with other rates. Afterwards these are as they were, and laws stand at `step`: the step
-    /// variable and its increment.
-    pub fn with_other_rates<T>(&mut self, step: (f64, f64), look: impl FnOnce(&mut Self) -> T) -> T {
+    /// Looks at the equations with other rates. Afterwards these are as they were, and laws stand at `window`.
+    pub fn with_other_rates<T>(&mut self, window: Window, look: impl FnOnce(&mut Self) -> T) -> T {
         let rates = self.known.rates.clone();
         let found = look(self);
         self.known.rates = rates;
-        self.set_laws(step.0, step.1);
+        self.set_laws(window);
         found
     }
 
-    /// The step variable and its increment.
+    /// The step that the laws stand at, with the scalars of rates that they were told.
     #[must_use]
-    pub fn step(&self) -> (f64, f64) {
-        (self.time, self.increment)
+    pub fn step(&self) -> Window {
+        self.window
     }
 
     /// Begins a step: constant terms are summed, linear ones assembled where they are new. Returns true if the
@@ -330,8 +328,8 @@ impl System {
     ///
     /// # Errors
     /// [`SystemError`] with its place.
-    pub fn begin_step(&mut self, time: f64, increment: f64) -> Result<bool, SystemError> {
-        self.set_laws(time, increment);
+    pub fn begin_step(&mut self, window: Window) -> Result<bool, SystemError> {
+        self.set_laws(window);
         let zero = vec![0.0; self.numbering.n_dofs];
         let linear = self.is_linear();
         let (start, held) = match (&self.known.rates, &self.known.previous) {
@@ -343,12 +341,12 @@ impl System {
         };
         let own = held.and_then(|held| self.known.rates.replace(held));
         if own.is_some() {
-            self.set_laws(time, increment);
+            self.set_laws(window);
         }
         let constants = self.sum_constants(start, &zero);
         if own.is_some() {
             self.known.rates = own;
-            self.set_laws(time, increment);
+            self.set_laws(window);
         }
         constants?;
         let stale = self.linear_is_stale();

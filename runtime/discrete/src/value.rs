@@ -17,7 +17,7 @@ use crate::{
     field::{Field, FieldError},
     finite::NotFinite,
     prologue::step_slots,
-    rates::StepAt,
+    window::Window,
 };
 use wfl_mesh::mesh::Mesh;
 
@@ -39,7 +39,7 @@ impl Value {
     /// [`BackendError`].
     pub fn new(law: ValueLaw, backend: &dyn KernelBackend) -> Result<Self, BackendError> {
         let kernel = backend.compile(&[&law.kernel])?.swap_remove(0).into();
-        let step = step_slots(&law.prologue, StepAt::default());
+        let step = step_slots(&law.prologue, Window::default());
         let uniforms = run_prologue(&law.prologue, &step);
         Ok(Self { law: Arc::new(law), kernel, uniforms, step })
     }
@@ -52,8 +52,8 @@ impl Value {
 
     /// The same expression at a step.
     #[must_use]
-    pub fn at_step(&self, step: impl Into<StepAt>) -> Self {
-        let step = step_slots(&self.law.prologue, step.into());
+    pub fn at_step(&self, window: Window) -> Self {
+        let step = step_slots(&self.law.prologue, window);
         let uniforms = run_prologue(&self.law.prologue, &step);
         Self { law: Arc::clone(&self.law), kernel: Arc::clone(&self.kernel), uniforms, step }
     }

@@ -5,7 +5,10 @@
 
 use super::test_block::{Block, LAPLACE, PENALTY, PENALTY_WITH_FRICTION};
 use super::*;
-use wfl_discrete::system::{LinearTerms, Tangent};
+use wfl_discrete::{
+    system::{LinearTerms, Tangent},
+    window::Window,
+};
 use wfl_sparse::solve::SolverOptions;
 
 /// Forces by area, down and to the right, that grow with the step.
@@ -34,10 +37,11 @@ impl Solving {
 
     /// Brings the laws to a step.
     fn at(&mut self, time: f64) -> &mut Self {
-        if self.block.system.begin_step(time, 1.0).unwrap() {
+        let window = Window::new(time, 1.0);
+        if self.block.system.begin_step(window).unwrap() {
             self.solver.bulk_changed(&self.block.system).unwrap();
         }
-        self.block.contact.begin_step((time, 1.0));
+        self.block.contact.begin_step(window);
         self
     }
 

@@ -120,7 +120,7 @@ fn wrong_length(name: &str, found: usize, needed: usize) -> PyErr {
 
 /// An error of the equations at the step that was begun.
 fn of_equations(work: &Work, error: NewtonError) -> Failed {
-    let time = work.session.as_ref().map_or(0.0, |session| session.equations().system.step().0);
+    let time = work.session.as_ref().map_or(0.0, |session| session.equations().system.step().stage);
     work.stopped(&RunError::Newton { step: 0, time, error })
 }
 
@@ -249,7 +249,7 @@ impl PyScene {
     fn give(&self, py: Python<'_>, name: &str, source: Py<PyAny>, as_start: bool) -> PyResult<()> {
         let mut work = self.held()?;
         let (source, desk) = (Arc::new(source), Arc::clone(&self.desk));
-        let asked: Source = Box::new(move |positions, t, increment| desk.ask(&source, positions, [t, increment]));
+        let asked: Source = Box::new(move |positions, step| desk.ask(&source, positions, [step.stage, step.increment]));
         let span = work.span_of(name).ok_or_else(|| PyKeyError::new_err(name.to_owned()))?;
         let scene = &mut work.scene;
         let given = if as_start { scene.give_start(name, span, asked) } else { scene.give_data(name, span, asked) };

@@ -22,8 +22,8 @@ pub(crate) fn iteration<'py>(py: Python<'py>, i: &Iteration) -> PyResult<Bound<'
 pub(crate) fn step<'py>(py: Python<'py>, number: usize, step: &StepResult) -> PyResult<Bound<'py, PyDict>> {
     let made = PyDict::new(py);
     made.set_item("number", number)?;
-    made.set_item("t", step.time)?;
-    made.set_item("increment", step.increment)?;
+    made.set_item("t", step.window.end)?;
+    made.set_item("increment", step.window.increment)?;
     made.set_item("converged", step.history.converged())?;
     made.set_item("stop", step.history.stop.map(wfl_runtime::newton::Stop::word))?;
     made.set_item("iterations", step.iterations())?;

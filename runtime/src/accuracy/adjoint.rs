@@ -55,7 +55,7 @@ impl Pair<'_> {
         let rich = &self.rich.outcome.equations.system;
         let last = self.rich.outcome.steps.last().ok_or("there is no step")?;
         let embedded = self.embedded(&last.state)?;
-        let at = |unknowns| StateAt { system: rich, time: last.time, increment: last.increment, unknowns };
+        let at = |unknowns| StateAt { system: rich, window: last.window, unknowns };
         let goal = self.goal(quantity, backend, [&embedded, &last.state], &at).unwrap_or_default();
         // the residual of a step whose states have been renewed is not at hand; the size of a zone has no derivative, what
         // is read through a mapping none that is compiled here
@@ -130,12 +130,7 @@ impl Pair<'_> {
         let apart: Vec<f64> = last.state.iter().zip(&embedded).map(|(a, b)| a - b).collect();
         self.difference(
             backend,
-            StateAt {
-                system: &self.rich.outcome.equations.system,
-                time: last.time,
-                increment: last.increment,
-                unknowns: &apart,
-            },
+            StateAt { system: &self.rich.outcome.equations.system, window: last.window, unknowns: &apart },
         )
     }
 

@@ -23,6 +23,7 @@ use crate::{
     scene::{Equations, bodies_of},
     space::{Space, Support},
     system::System,
+    window::Window,
 };
 
 /// What many points say of the data of a scene.
@@ -64,13 +65,14 @@ pub fn probe(scene: &Scene, equations: &Equations, u: &[f64], small: f64) -> Res
     if wanted.is_empty() {
         return Ok(out);
     }
-    let (now, increment) = equations.system.step();
+    let now = equations.system.step();
     let mut own = scene.equations();
     own.system.set_known(equations.system.known());
     let mut solving = scene.solving(&mut own);
-    for time in times(scene, &wanted).unwrap_or_else(|| vec![now]) {
-        solving.set_data(time, increment)?;
-        solving.system.set_laws(time, increment);
+    for time in times(scene, &wanted).unwrap_or_else(|| vec![now.stage]) {
+        let window = Window::new(time, now.increment);
+        solving.set_data(window)?;
+        solving.system.set_laws(window);
         for k in &wanted {
             let rule = scene.terms[*k].rule;
             if let Some(found) = one(solving.system, *k, rule, u) {

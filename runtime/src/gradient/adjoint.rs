@@ -31,6 +31,7 @@ use crate::{
     run::As,
     scene::node_positions,
     system::FIXED,
+    window::Window,
 };
 
 /// When the states stand that a law reads.
@@ -194,7 +195,7 @@ impl Backwards<'_, '_> {
         for (start, sum) in found.end.iter_mut().zip(&mut found.sums) {
             if let (Some(beginning), Some(first)) = (&beginning, trajectory.steps.first()) {
                 self.standing.at(0)?;
-                self.laws.set_step(self.standing.step_of(first.time, first));
+                self.laws.set_step(self.standing.step_of(first.window));
                 self.of_beginning(beginning, start, sum)?;
             }
             self.of_start(start, sum)?;
@@ -212,22 +213,22 @@ impl Backwards<'_, '_> {
     ) -> Result<(), Box<Diagnostic>> {
         let (n, step) = of;
         self.standing.at(n)?;
-        let (time, is_within) = (self.standing.time_of(step), self.standing.is_within(step));
+        let (window, is_within) = (self.standing.window_of(step), self.standing.is_within(step));
         if is_within {
             self.standing.go_to_end(step)?;
         }
-        self.laws.set_step(self.standing.step_of(step.time, step));
+        self.laws.set_step(self.standing.step_of(step.window));
         self.of_results(read, of, kinks, found)?;
         if is_within {
             for (end, sum) in found.end.iter_mut().zip(&mut found.sums) {
-                self.of_data((step.time, step.increment), end, sum)?;
+                self.of_data(step.window, end, sum)?;
                 self.standing.solving.data.iter().for_each(|(field, _)| end.known[*field].fill(0.0));
             }
             self.standing.at(n)?;
-            self.laws.set_step(self.standing.step_of(time, step));
+            self.laws.set_step(self.standing.step_of(window));
         }
         if step.kind != Passed::Given {
-            join(&mut found.near, kinks.near(&self.standing.solving, &step.u, (time, step.increment), None));
+            join(&mut found.near, kinks.near(&self.standing.solving, &step.u, window, None));
         }
         let explicit = self.standing.solving.explicit.clone().filter(|_| step.kind == Passed::Explicit);
         if let Some(rates) = step.rates.as_ref().filter(|_| explicit.is_none()) {
@@ -248,7 +249,7 @@ impl Backwards<'_, '_> {
                     self.of_equations(step, end, start, sum)?;
                 }
             }
-            self.of_data((time, step.increment), end, sum)?;
+            self.of_data(window, end, sum)?;
         }
         Ok(())
     }
@@ -277,7 +278,7 @@ impl Backwards<'_, '_> {
             let Summed::Points(points) = &weighed.summed else { continue };
             let shared = self.of_measure(weighed, (points, *weight), step)?;
             join(&mut found.near, shared);
-            let at = (step.time, step.increment);
+            let at = step.window;
             join(&mut found.near, kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));
             let into = weighed.into;
             let live = &mut found.sums[into].live;
@@ -377,7 +378,7 @@ impl Backwards<'_, '_> {
         let (made_of, weight) = weights;
         let values = self.standing.solving.system.values(step.at_end());
         let of = (self.extended, &self.standing.solving);
-        let at = (step.time, step.increment);
+        let at = step.window;
         let (mut points, near) = weighed.at_points(of, values.view(), at);
         let mut fields = made_of.weights.clone();
         if made_of.grows {
@@ -463,7 +464,7 @@ impl Backwards<'_, '_> {
         if free.is_nan() || free > AGREEMENT * size {
             return Err(not_made(&format!(
                 "at t = {} the transposed tangent and the derivatives of the laws differ by {:.1e}",
-                step.time,
+                step.window.end,
                 free / size
             )));
         }
@@ -474,14 +475,14 @@ impl Backwards<'_, '_> {
             rates.follow_prescribed(&mut fixed, &mut at_end, &mut before);
             numbering.frames.turn_back(&mut before);
             add(&mut start.u, &before);
-            self.of_prescribed((step.time, step.increment), &at_end, sum)?;
-            return self.of_prescribed((self.standing.time_of(step), step.increment), &fixed, sum);
+            self.of_prescribed(step.window, &at_end, sum)?;
+            return self.of_prescribed(self.standing.window_of(step), &fixed, sum);
         }
-        self.of_prescribed((step.time, step.increment), &end.u, sum)
+        self.of_prescribed(step.window, &end.u, sum)
     }
 
     /// Prescribed values, from the derivative in them in local frames.
-    fn of_prescribed(&self, step: (f64, f64), functional: &[f64], sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
+    fn of_prescribed(&self, step: Window, functional: &[f64], sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
         if self.formulas.fixes.iter().all(Option::is_none) {
             return Ok(());
         }
@@ -497,7 +498,7 @@ impl Backwards<'_, '_> {
     }
 
     /// Data at a step.
-    fn of_data(&self, step: (f64, f64), end: &Cotangent, sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
+    fn of_data(&self, step: Window, end: &Cotangent, sum: &mut Sums) -> Result<(), Box<Diagnostic>> {
         for (field, _) in &self.standing.solving.data {
             add(&mut sum.data[*field], &end.known[*field]);
             if let Some(formula) = self.formulas.data.get(field) {
@@ -519,13 +520,13 @@ impl Backwards<'_, '_> {
             let positions = node_positions(system, *field);
             formula.add(
                 self.extended,
-                (&positions, (self.standing.solving.steps.first(), 0.0)),
+                (&positions, Window::instant(self.standing.solving.steps.first())),
                 functional,
                 &mut sum.live,
             )?;
         }
         match self.standing.trajectory.steps.first() {
-            Some(first) => self.of_data((first.time, first.increment), start, sum),
+            Some(first) => self.of_data(first.window, start, sum),
             None => Ok(()),
         }
     }

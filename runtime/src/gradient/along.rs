@@ -16,8 +16,8 @@ use super::{
 };
 use crate::{
     assemble::{AssembledTerm, Domain, FieldValues},
-    rates::StepAt,
     value::{Sampled, Value},
+    window::Window,
 };
 
 /// A value at its points; nothing where no direction moves it.
@@ -85,7 +85,7 @@ impl Along {
     }
 
     /// Brings laws to a step.
-    pub(super) fn set_step(&mut self, at: StepAt) {
+    pub(super) fn set_step(&mut self, at: Window) {
         self.terms.iter_mut().for_each(|(_, term)| term.set_step(at));
         let of_measures = self.measures.iter_mut().chain(&mut self.growths).flatten();
         let values = self.states.iter_mut().chain(of_measures).flatten();

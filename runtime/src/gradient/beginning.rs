@@ -52,7 +52,7 @@ impl Beginning {
         if standing.solving.explicit.is_some() {
             return Ok(Some(Self { mass: None, fields, begins_with_rates }));
         }
-        let mass = mass_at_start(&mut standing.solving, &step.u, (step.time, step.increment));
+        let mass = mass_at_start(&mut standing.solving, &step.u, step.window);
         let mass = mass.map_err(|e| not_made(&e.to_string()))?;
         if mass.leaves_some_out() {
             let d = message("nodes without mass stay at rest where time starts: that has no derivative yet");

@@ -16,7 +16,7 @@ use super::{
     near::{NEAR, NearKink},
     refused::{first, flat, no_derivative, not_made, of_balance},
 };
-use crate::value::Value;
+use crate::{value::Value, window::Window};
 
 /// What a number follows at the end of a step.
 #[derive(Clone, Debug, Default)]
@@ -91,7 +91,7 @@ impl Arithmetic {
         &self,
         extended: &Extended<'_>,
         values: &[(String, f64)],
-        step: (f64, f64),
+        step: Window,
     ) -> Result<(Followed, Vec<NearKink>), Box<Diagnostic>> {
         let (mut near, mut known): (_, BTreeMap<&str, Followed>) = (Vec::new(), BTreeMap::new());
         let mut last = Followed::default();
@@ -165,24 +165,19 @@ impl Number {
     }
 
     /// The slopes, zero where there are none.
-    fn at(
-        &self,
-        extended: &Extended<'_>,
-        values: &[(String, f64)],
-        step: (f64, f64),
-    ) -> Result<Vec<f64>, Box<Diagnostic>> {
+    fn at(&self, extended: &Extended<'_>, values: &[(String, f64)], step: Window) -> Result<Vec<f64>, Box<Diagnostic>> {
         let known = |slot: &InputSlot| self.read(extended, values, slot);
         let of = |slope: &Option<Value>| {
             let Some(slope) = slope else { return Ok(0.0) };
             let found = slope.at_step(step).at_positions_with(&[[0.0; 3]], &known);
-            let bad = |value| not_made(&format!("a slope of `{}` is {value} at t = {}", self.name, step.0));
+            let bad = |value| not_made(&format!("a slope of `{}` is {value} at t = {}", self.name, step.stage));
             found.map_err(|e| bad(e.value)).map(|v| v[0])
         };
         self.slopes.iter().map(of).collect()
     }
 
     /// The number, if it is between two branches.
-    fn near(&self, extended: &Extended<'_>, values: &[(String, f64)], step: (f64, f64)) -> Option<NearKink> {
+    fn near(&self, extended: &Extended<'_>, values: &[(String, f64)], step: Window) -> Option<NearKink> {
         let known = |slot: &InputSlot| self.read(extended, values, slot);
         let sides = self.sides.as_ref()?.at_step(step).at_positions_with(&[[0.0; 3]], &known).ok()?;
         let is_near = |pair: &[f64]| (pair[0] - pair[1]).abs() <= NEAR * pair[0].abs().max(pair[1].abs());
@@ -190,7 +185,7 @@ impl Number {
             place: self.name.clone(),
             span: Some(self.span),
             kind: "is between two branches",
-            time: step.0,
+            time: step.stage,
             points: 0,
             of: 0,
             more: 0,

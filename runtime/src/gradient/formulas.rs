@@ -9,7 +9,7 @@ use super::{
     extended::Extended,
     refused::{first, no_derivative, not_made, of_points},
 };
-use crate::value::Value;
+use crate::{value::Value, window::Window};
 
 /// A formula, differentiated.
 pub(super) struct Formula {
@@ -53,7 +53,7 @@ impl Formula {
     pub(super) fn slopes_in_space(
         &self,
         extended: &Extended<'_>,
-        at: (&[[f64; 3]], (f64, f64)),
+        at: (&[[f64; 3]], Window),
     ) -> Result<Vec<Option<Vec<f64>>>, Box<Diagnostic>> {
         let (positions, step) = at;
         let of = |slope: &Option<Value>| {
@@ -67,7 +67,7 @@ impl Formula {
     pub(super) fn add(
         &self,
         extended: &Extended<'_>,
-        at: (&[[f64; 3]], (f64, f64)),
+        at: (&[[f64; 3]], Window),
         functional: &[f64],
         gradient: &mut [f64],
     ) -> Result<(), Box<Diagnostic>> {
@@ -97,7 +97,7 @@ impl Formula {
     pub(super) fn moved_in_place(
         &self,
         extended: &Extended<'_>,
-        at: (&[[f64; 3]], (f64, f64)),
+        at: (&[[f64; 3]], Window),
         live: &[f64],
     ) -> Result<Vec<f64>, Box<Diagnostic>> {
         let (positions, step) = at;
@@ -115,7 +115,7 @@ impl Formula {
     pub(super) fn moved(
         &self,
         extended: &Extended<'_>,
-        at: (&[[f64; 3]], (f64, f64)),
+        at: (&[[f64; 3]], Window),
         live: &[f64],
     ) -> Result<Vec<f64>, Box<Diagnostic>> {
         let positions = at.0;
@@ -209,7 +209,7 @@ pub(super) fn evaluated(
     law: ValueLaw,
     known: impl Fn(&InputSlot) -> f64,
     positions: &[[f64; 3]],
-    step: (f64, f64),
+    step: Window,
 ) -> Result<Vec<f64>, Box<Diagnostic>> {
     let value = Value::new(law, &InterpreterBackend).map_err(|e| not_made(&e.to_string()))?;
     values(&value, known, positions, step)
@@ -219,7 +219,7 @@ fn values(
     value: &Value,
     known: impl Fn(&InputSlot) -> f64,
     positions: &[[f64; 3]],
-    step: (f64, f64),
+    step: Window,
 ) -> Result<Vec<f64>, Box<Diagnostic>> {
     let found = value.at_step(step).at_positions_with(positions, &known);
     found.map_err(|bad| not_made(&format!("the slope of a formula is {} at {:?}", bad.value, bad.position)))

@@ -27,6 +27,7 @@ use crate::{
     rates::{Kept, Rates},
     run::As,
     scene::node_positions,
+    window::Window,
 };
 
 /// What parameters and data fields move by.
@@ -148,7 +149,7 @@ pub(super) fn solve(
     let Differentiated { scene, script, outcome, backend, .. } = of;
     refused::places(script, live)?;
     let (trajectory, ends) = standing::of_run(outcome)?;
-    let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].time).collect();
+    let times: Vec<f64> = ends.keys().map(|n| trajectory.steps[*n].window.end).collect();
     let mut equations = outcome.equations.clone();
     let mut standing = Standing::new((of, trajectory), scene.solving(&mut equations));
     let extended = Extended::new(scene, script, live.to_vec());
@@ -216,7 +217,8 @@ impl Forwards<'_, '_> {
         let mut before = Motion { u: vec![0.0; system.numbering.n_dofs], known, kept };
         for (field, formula) in &self.formulas.starts {
             let positions = node_positions(system, *field);
-            let moved = formula.moved(extended, (&positions, (self.standing.solving.steps.first(), 0.0)), &live)?;
+            let moved =
+                formula.moved(extended, (&positions, Window::instant(self.standing.solving.steps.first())), &live)?;
             match system.range(*field) {
                 Some(range) if !moved.is_empty() => before.u[range].copy_from_slice(&moved),
                 None if !moved.is_empty() => before.known[*field] = moved,
@@ -224,7 +226,7 @@ impl Forwards<'_, '_> {
             }
         }
         if let Some(first) = self.standing.trajectory.steps.first() {
-            self.data((first.time, first.increment), (&live, &fields), &mut before.known)?;
+            self.data(first.window, (&live, &fields), &mut before.known)?;
         }
         let (end, rows) = (before.clone(), Vec::new());
         Ok(Moving { live, fields, before, end, rows, ..Moving::default() })
@@ -247,7 +249,7 @@ impl Forwards<'_, '_> {
         }
         let mut near = Vec::new();
         if let Some(beginning) = Beginning::new(&mut self.standing)? {
-            self.set_step(trajectory.steps[0].time, &trajectory.steps[0]);
+            self.set_step(trajectory.steps[0].window);
             for one in moving.iter_mut() {
                 self.beginning(&beginning, one)?;
             }
@@ -255,15 +257,15 @@ impl Forwards<'_, '_> {
         for n in 0..trajectory.steps.len() {
             self.standing.at(n)?;
             let step = &*self.standing.steps.step(n)?;
-            self.set_step(self.standing.time_of(step), step);
+            self.set_step(self.standing.window_of(step));
             self.tangent.is_new = true;
             self.decides = false;
             for one in moving.iter_mut() {
                 self.step(step, one)?;
             }
-            let at = (step.time, step.increment);
+            let at = step.window;
             if step.kind != Passed::Given {
-                let at = (self.standing.time_of(step), step.increment);
+                let at = self.standing.window_of(step);
                 near.push(kinks.near(&self.standing.solving, &step.u, at, None));
             }
             if self.standing.is_within(step) {
@@ -289,7 +291,7 @@ impl Forwards<'_, '_> {
 
     /// What a direction moves at the end of a step: data, prescribed values, unknowns, states.
     fn step(&mut self, step: &PassedStep, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
-        let at = (self.standing.time_of(step), step.increment);
+        let at = self.standing.window_of(step);
         one.end.known.clone_from(&one.before.known);
         self.data(at, (&one.live, &one.fields), &mut one.end.known)?;
         one.rows.clear();
@@ -327,8 +329,8 @@ impl Forwards<'_, '_> {
     }
 
     /// Brings laws to a step.
-    fn set_step(&mut self, time: f64, step: &PassedStep) {
-        let at = self.standing.step_of(time, step);
+    fn set_step(&mut self, window: Window) {
+        let at = self.standing.step_of(window);
         self.laws.set_step(at);
         if let Some(sided) = &mut self.sided {
             sided.set_step(at);
@@ -353,7 +355,7 @@ impl Forwards<'_, '_> {
         if apart.is_nan() || apart > AGREEMENT {
             return Err(not_made(&format!(
                 "at t = {} the tangent and the derivatives of the laws differ by {apart:.1e}",
-                step.time
+                step.window.end
             )));
         }
         Ok(())
@@ -380,11 +382,11 @@ impl Forwards<'_, '_> {
     /// Brings equations and directions from where the equations of a step stand to its end.
     fn go_to_end(&mut self, step: &PassedStep, moving: &mut [Moving]) -> Result<(), Box<Diagnostic>> {
         self.standing.go_to_end(step)?;
-        self.set_step(step.time, step);
+        self.set_step(step.window);
         let n = self.extended.n;
         for one in moving {
             let mut known = std::mem::take(&mut one.end.known);
-            self.data((step.time, step.increment), (&one.live, &one.fields), &mut known)?;
+            self.data(step.window, (&one.live, &one.fields), &mut known)?;
             one.end.known = known;
             one.rates = self.standing.rates().map(|held| held.with_behind(&held.along(&one.end.kept), n));
         }
@@ -393,11 +395,11 @@ impl Forwards<'_, '_> {
 
     /// What prescribed values move by where the equations of a step stand, written into what the unknowns move by.
     fn prescribed_in(&self, step: &PassedStep, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
-        let at = (self.standing.time_of(step), step.increment);
+        let at = self.standing.window_of(step);
         self.prescribed(at, &one.live, &mut one.end.u)?;
         let Some(rates) = step.rates.as_ref().filter(|_| self.standing.offset(step) != 0.0) else { return Ok(()) };
         let mut end = vec![0.0; one.end.u.len()];
-        self.prescribed((step.time, step.increment), &one.live, &mut end)?;
+        self.prescribed(step.window, &one.live, &mut end)?;
         let numbering = &self.standing.solving.system.numbering;
         let [mut before, _] = parted(numbering, &one.before.u);
         numbering.frames.turn_back(&mut before);
@@ -461,7 +463,7 @@ impl Forwards<'_, '_> {
     /// What the data at a step move by.
     fn data(
         &self,
-        step: (f64, f64),
+        step: Window,
         by: (&[f64], &[(usize, Vec<f64>)]),
         known: &mut [Vec<f64>],
     ) -> Result<(), Box<Diagnostic>> {
@@ -481,7 +483,7 @@ impl Forwards<'_, '_> {
     }
 
     /// What prescribed values move by.
-    fn prescribed(&self, step: (f64, f64), live: &[f64], u: &mut [f64]) -> Result<(), Box<Diagnostic>> {
+    fn prescribed(&self, step: Window, live: &[f64], u: &mut [f64]) -> Result<(), Box<Diagnostic>> {
         if self.formulas.fixes.iter().all(Option::is_none) {
             return Ok(());
         }
@@ -531,7 +533,7 @@ impl Forwards<'_, '_> {
             }
             Summed::Points(made_of) => {
                 let values = self.standing.solving.system.values(step.at_end());
-                let at = (step.time, step.increment);
+                let at = step.window;
                 let (points, shared) = weighed.at_points((self.extended, &self.standing.solving), values.view(), at);
                 let growing = match made_of.grows {
                     true => weighed.growing((self.extended, &self.standing.solving), values.view(), at),

@@ -108,7 +108,7 @@ fn along(of: Differentiated<'_>, mut made: Jacobian, n_parameters: usize) -> Res
 
 /// By rows.
 fn from(of: Differentiated<'_>, request: &Request, mut made: Jacobian) -> Result<Jacobian, Box<Diagnostic>> {
-    made.times = of.outcome.steps.iter().map(|s| s.time).collect();
+    made.times = of.outcome.steps.iter().map(|s| s.window.end).collect();
     let n = made.times.len();
     let of_step = |step: usize| {
         made.measures.iter().map(move |measure| {

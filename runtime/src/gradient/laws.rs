@@ -13,8 +13,8 @@ use super::{
 };
 use crate::{
     assemble::{AssembledTerm, Binding, Bound, Domain, FieldValues, Integrator, LawSlots, Workspace},
-    rates::StepAt,
     scene::Origin,
+    window::Window,
 };
 
 /// A law on its points, before it is machine code.
@@ -81,7 +81,7 @@ impl Laws {
     }
 
     /// Brings laws to a step.
-    pub(super) fn set_step(&mut self, at: StepAt) {
+    pub(super) fn set_step(&mut self, at: Window) {
         self.terms.iter_mut().for_each(|(_, term)| term.set_step(at));
     }
 

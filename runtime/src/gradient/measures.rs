@@ -30,6 +30,7 @@ use crate::{
     assemble::{Domain, FieldValues},
     scene::{Measured, Solving},
     value::{Sampled, Value},
+    window::Window,
 };
 
 /// What a result is a weighted sum of.
@@ -115,7 +116,7 @@ impl Asked {
         standing: &mut Standing<'_, '_>,
         ends: &Ends,
     ) -> Result<Self, Box<Diagnostic>> {
-        let times: Vec<f64> = ends.keys().map(|n| standing.trajectory.steps[*n].time).collect();
+        let times: Vec<f64> = ends.keys().map(|n| standing.trajectory.steps[*n].window.end).collect();
         let mut made = Self::default();
         for (number, wanted) in request.results.iter().enumerate() {
             let into = if request.together { 0 } else { number };
@@ -243,12 +244,12 @@ impl Asked {
             let mut values = of.outcome.steps[*end].measures.clone();
             if !own.is_empty() {
                 standing.at_end_of(*n)?;
-                let at = Measured::new(standing.solving.system, step.time, step.increment, step.at_end());
+                let at = Measured::new(standing.solving.system, step.window, step.at_end());
                 let at = if step.kind == Passed::Given { at.where_time_starts() } else { at };
                 let own = own.iter().map(|k| extended.measures[*k].0);
                 values.extend(own.map(|m| (m.name.clone(), m.evaluate(&at))));
             }
-            let (followed, near) = arithmetic.followed(extended, &values, (step.time, step.increment))?;
+            let (followed, near) = arithmetic.followed(extended, &values, step.window)?;
             // later steps come first, as the adjoint finds them
             near.into_iter().for_each(|kink| self.near.insert(0, kink));
             all.push(Some(followed));
@@ -300,7 +301,7 @@ fn moved_place(extended: &Extended<'_>, x: &wfl::ast::Expr) -> Result<Vec<f64>, 
     let mut out = vec![0.0; n * dim];
     for (entry, to) in out.chunks_exact_mut(dim).enumerate() {
         let unit: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == entry))).collect();
-        let moved = formula.moved_in_place(extended, (&[[0.0; 3]], (0.0, 0.0)), &unit)?;
+        let moved = formula.moved_in_place(extended, (&[[0.0; 3]], Window::default()), &unit)?;
         to.iter_mut().zip(&moved).for_each(|(t, m)| *t = *m);
     }
     Ok(out)
@@ -355,7 +356,7 @@ impl Weighed {
         &self,
         of: (&Extended<'_>, &Solving<'_>),
         values: FieldValues<'_>,
-        step: (f64, f64),
+        step: Window,
     ) -> Vec<Vec<f64>> {
         let (extended, solving) = of;
         let Some((reduction, parts)) = extended.measures[self.measure].0.at_points() else { return Vec::new() };
@@ -373,12 +374,7 @@ impl Weighed {
     }
 
     /// What of the values at its points the measure is made of.
-    pub(super) fn taken_at(
-        &self,
-        of: (&Extended<'_>, &Solving<'_>),
-        values: FieldValues<'_>,
-        step: (f64, f64),
-    ) -> Counted {
+    pub(super) fn taken_at(&self, of: (&Extended<'_>, &Solving<'_>), values: FieldValues<'_>, step: Window) -> Counted {
         let (extended, solving) = of;
         let (reduction, parts) = extended.measures[self.measure].0.at_points().expect("others are refused");
         let points: Vec<Vec<[f64; 2]>> =
@@ -408,7 +404,7 @@ impl Weighed {
         &self,
         of: (&Extended<'_>, &Solving<'_>),
         values: FieldValues<'_>,
-        step: (f64, f64),
+        step: Window,
     ) -> (Vec<Vec<f64>>, Option<NearKink>) {
         let (extended, solving) = of;
         let measure = extended.measures[self.measure].0;
@@ -447,7 +443,7 @@ impl Weighed {
                     place: measure.name.clone(),
                     span: Some(measure.span),
                     kind: "share the largest or smallest value",
-                    time: step.0,
+                    time: step.stage,
                     points: sharing,
                     of: all().count(),
                     more: 0,
@@ -466,7 +462,7 @@ fn places(
     solving: &Solving<'_>,
     parts: &[(Value, Sampled)],
     values: FieldValues<'_>,
-    step: (f64, f64),
+    step: Window,
     counts: impl Fn(f64) -> bool,
 ) -> usize {
     let mesh = &solving.system.mesh;
@@ -474,7 +470,7 @@ fn places(
     let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
     let mut found: Vec<[f64; 3]> = Vec::new();
     for (value, sampled) in parts {
-        value.at_step(values.step(step.0, step.1)).for_each_point(mesh, sampled, values, |g, entity, q, _, v| {
+        value.at_step(values.with_present_rates(step)).for_each_point(mesh, sampled, values, |g, entity, q, _, v| {
             let x = sampled.domain.groups[g].position(mesh, entity, q);
             let is_known = |y: &[f64; 3]| (0..3).all(|d| (x[d] - y[d]).abs() <= NEAR * extent);
             if counts(v[0]) && found.len() < MOST_PLACES && !found.iter().any(is_known) {
@@ -486,10 +482,10 @@ fn places(
 }
 
 /// Weight and value at each point.
-fn taken(solving: &Solving<'_>, part: (&Value, &Sampled), values: FieldValues<'_>, step: (f64, f64)) -> Vec<[f64; 2]> {
+fn taken(solving: &Solving<'_>, part: (&Value, &Sampled), values: FieldValues<'_>, step: Window) -> Vec<[f64; 2]> {
     let (value, sampled) = part;
     let mut out = Vec::new();
-    let value = value.at_step(values.step(step.0, step.1));
+    let value = value.at_step(values.with_present_rates(step));
     value.for_each_point(&solving.system.mesh, sampled, values, |_, _, _, weight, v| out.push([weight, v[0]]));
     out
 }

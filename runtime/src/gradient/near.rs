@@ -14,6 +14,7 @@ use crate::{
     assemble::FieldValues,
     scene::Solving,
     value::{Sampled, Value},
+    window::Window,
 };
 
 /// The two sides of a kink are one number within this part of the largest of them in the region.
@@ -160,13 +161,7 @@ impl Kinks {
     }
 
     /// The points between two branches at a state: of equations and states, or of a measure.
-    pub(super) fn near(
-        &self,
-        solving: &Solving<'_>,
-        u: &[f64],
-        step: (f64, f64),
-        measure: Option<usize>,
-    ) -> Vec<NearKink> {
+    pub(super) fn near(&self, solving: &Solving<'_>, u: &[f64], step: Window, measure: Option<usize>) -> Vec<NearKink> {
         let values = solving.system.values(u);
         let wanted = self.list.iter().filter(|kink| kink.measure == measure);
         wanted.flat_map(|kink| kink.near(solving, values.view(), step)).collect()
@@ -174,10 +169,10 @@ impl Kinks {
 }
 
 impl Kink {
-    fn near(&self, solving: &Solving<'_>, values: FieldValues<'_>, step: (f64, f64)) -> Vec<NearKink> {
+    fn near(&self, solving: &Solving<'_>, values: FieldValues<'_>, step: Window) -> Vec<NearKink> {
         let n = self.kinds.len();
         let mut points: Vec<f64> = Vec::new();
-        let value = self.value.at_step(values.step(step.0, step.1));
+        let value = self.value.at_step(values.with_present_rates(step));
         value.for_each_point(&solving.system.mesh, &self.sampled, values, |_, _, _, _, v| points.extend_from_slice(v));
         let at = |point: &[f64], k: usize| [point[2 * k], point[2 * k + 1]];
         let size = |p: &[f64], k: usize| at(p, k).into_iter().fold(0.0f64, |m, x| m.max(x.abs()));
@@ -198,7 +193,7 @@ impl Kink {
             if near > 0 {
                 let of = points.len() / (2 * n);
                 let (place, span) = (self.place.clone(), self.span);
-                out.push(NearKink { place, span, kind: text, time: step.0, points: near, of, more: 0 });
+                out.push(NearKink { place, span, kind: text, time: step.stage, points: near, of, more: 0 });
             }
         }
         out

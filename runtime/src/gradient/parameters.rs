@@ -20,7 +20,7 @@ use super::{
     request::known,
     velocities::each_moving_place,
 };
-use crate::Scene;
+use crate::{Scene, window::Window};
 
 /// The parameters that change, in the order of their declarations.
 pub(super) fn live(script: &ResolvedScript, scene: &Scene, request: &Request) -> Result<Vec<Live>, Box<Diagnostic>> {
@@ -100,7 +100,7 @@ fn slopes(
     let mut out = Vec::new();
     for (entry, law) in slopes.into_iter().enumerate().filter_map(|(k, law)| Some((k, law?))) {
         let known = |slot: &InputSlot| extended.value_of(slot);
-        out.push((entry, evaluated(law, known, &[[0.0; 3]], (0.0, 0.0))?));
+        out.push((entry, evaluated(law, known, &[[0.0; 3]], Window::default())?));
     }
     Ok(out)
 }

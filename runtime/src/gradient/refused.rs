@@ -229,7 +229,10 @@ pub(super) fn not_in_weights(reaction: &Expr, live: &[&str]) -> Result<(), Box<D
 pub(super) fn check(of: Differentiated<'_>, request: &Request) -> Result<(), Box<Diagnostic>> {
     let is_bad = |s: &&crate::StepResult| !s.history.converged() && s.history.stop != Some(Stop::Given);
     if let Some(step) = of.outcome.steps.iter().find(is_bad) {
-        return Err(Box::new(message(format!("the step at t = {} did not converge: it has no derivative", step.time))));
+        return Err(Box::new(message(format!(
+            "the step at t = {} did not converge: it has no derivative",
+            step.window.end
+        ))));
     }
     without_run(of.scene, of.script, request)
 }

@@ -25,6 +25,7 @@ use crate::{
     mesh::{CellKind, Mesh, summary},
     scene::{Regions, corners_of, displaced_regions},
     space::{Space, Support},
+    window::Window,
 };
 
 /// Velocities by node of the mesh.
@@ -92,7 +93,7 @@ fn of_nodes(extended: &Extended<'_>, script: &ResolvedScript) -> Result<Vec<ByNo
     };
     let Some(map) = &statement.map else { return Ok(velocities) };
     let map = Formula::new(extended, "the map of the mesh", map)?;
-    let slopes = map.slopes_in_space(extended, (before, (0.0, 0.0)))?;
+    let slopes = map.slopes_in_space(extended, (before, Window::default()))?;
     for (entry, velocities) in velocities.iter_mut().enumerate() {
         let own = moved_by(extended, &map, before, entry)?;
         for (node, v) in velocities.iter_mut().enumerate() {
@@ -122,7 +123,7 @@ fn moved_by(
     entry: usize,
 ) -> Result<Vec<f64>, Box<Diagnostic>> {
     let unit: Vec<f64> = (0..extended.n_live()).map(|k| f64::from(u8::from(k == entry))).collect();
-    formula.moved_in_place(extended, (positions, (0.0, 0.0)), &unit)
+    formula.moved_in_place(extended, (positions, Window::default()), &unit)
 }
 
 /// Each node keeps its part of the way from one corner of the box to the other.

@@ -20,9 +20,9 @@ use super::{
 };
 use crate::{
     assemble::{AssembledTerm, Binding, Domain, FieldValues, Integrator, LawSlots, tangent_kernel},
-    rates::StepAt,
     system::StandIn,
     value::{Sampled, Value},
+    window::Window,
 };
 
 /// The laws of a scene to one side.
@@ -144,7 +144,7 @@ impl Sided {
     }
 
     /// Brings laws to a step.
-    pub(super) fn set_step(&mut self, at: StepAt) {
+    pub(super) fn set_step(&mut self, at: Window) {
         for term in &mut self.terms {
             term.form.set_step(at);
             term.ties.sides = term.ties.sides.at_step(at);

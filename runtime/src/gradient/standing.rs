@@ -9,9 +9,10 @@ use super::{Differentiated, refused::not_made, steps::Steps};
 use crate::{
     Outcome, Passed, PassedStep, Trajectory,
     lumped::Probe,
-    rates::{Rates, StepAt},
+    rates::Rates,
     scene::{Explicit, Solving},
     system::FIXED,
+    window::Window,
 };
 
 /// Linearised equations hold to this part of their right-hand side, or the tangent is not that of the laws.
@@ -78,21 +79,21 @@ impl<'a, 's> Standing<'a, 's> {
         let before = n.checked_sub(1).map(|k| self.steps.step(k)).transpose()?;
         let step = &*self.steps.step(n)?;
         let (past, at) = match &before {
-            Some(past) => (past.at_end(), (past.time, past.increment)),
-            None => (self.trajectory.start.as_slice(), (step.time, step.increment)),
+            Some(past) => (past.at_end(), past.window),
+            None => (self.trajectory.start.as_slice(), step.window),
         };
         let bad = |e: crate::SystemError| not_made(&e.to_string());
         self.put_states(&step.states);
-        self.solving.set_data(at.0, at.1).map_err(bad)?;
+        self.solving.set_data(at).map_err(bad)?;
         self.solving.system.end_step(past);
         self.solving.system.set_rates(step.rates.as_ref());
         if step.kind == Passed::Explicit {
             return self.at_explicit(n);
         }
-        let time = self.time_of(step);
-        self.solving.set_data(time, step.increment).map_err(bad)?;
+        let window = self.window_of(step);
+        self.solving.set_data(window).map_err(bad)?;
         if step.kind != Passed::Given {
-            self.solving.system.begin_step(time, step.increment).map_err(bad)?;
+            self.solving.system.begin_step(window).map_err(bad)?;
         }
         Ok(())
     }
@@ -100,7 +101,7 @@ impl<'a, 's> Standing<'a, 's> {
     /// The same for an explicit step: rates half a step before its end, and no second ones.
     fn at_explicit(&mut self, n: usize) -> Result<(), Box<Diagnostic>> {
         let (before, step) = (&*self.steps.step(n - 1)?, &*self.steps.step(n)?);
-        let h = step.increment;
+        let h = step.window.increment;
         let mut half = vec![0.0; step.u.len()];
         for of in before.rates.iter().flat_map(Rates::fields) {
             for (k, d) in of.dofs.clone().enumerate() {
@@ -110,8 +111,8 @@ impl<'a, 's> Standing<'a, 's> {
             }
         }
         self.take_rates(&half, &vec![0.0; half.len()]);
-        self.solving.set_data(step.time, h).map_err(|e| not_made(&e.to_string()))?;
-        self.solving.system.set_laws(step.time, h);
+        self.solving.set_data(step.window).map_err(|e| not_made(&e.to_string()))?;
+        self.solving.system.set_laws(step.window);
         Ok(())
     }
 
@@ -136,7 +137,7 @@ impl<'a, 's> Standing<'a, 's> {
     pub(super) fn probes(&mut self, explicit: &Explicit) -> Result<Vec<Probe>, Box<Diagnostic>> {
         let step = &*self.steps.step(0)?;
         self.at(0)?;
-        explicit.lumped.probes(self.solving.system, &step.u, step.time).map_err(|e| not_made(&e.to_string()))
+        explicit.lumped.probes(self.solving.system, &step.u, step.window.end).map_err(|e| not_made(&e.to_string()))
     }
 
     /// The rate of a probe, and no other one.
@@ -165,9 +166,9 @@ impl<'a, 's> Standing<'a, 's> {
         rates.map_or(0.0, |rates| rates.scheme().offset())
     }
 
-    /// The step variable where the equations of a step stand.
-    pub(super) fn time_of(&self, step: &PassedStep) -> f64 {
-        step.time - self.offset(step) * step.increment
+    /// A step where its equations stand.
+    pub(super) fn window_of(&self, step: &PassedStep) -> Window {
+        step.window.with_offset(self.offset(step))
     }
 
     /// Brings data and rates from where the equations of a step stand to its end.
@@ -177,12 +178,12 @@ impl<'a, 's> Standing<'a, 's> {
         } else if let Some((rates, past)) = self.solving.system.rates_and_past() {
             rates.finish(&mut step.u.clone(), &past.unknowns);
         }
-        self.solving.set_data(step.time, step.increment).map_err(|e| not_made(&e.to_string()))
+        self.solving.set_data(step.window).map_err(|e| not_made(&e.to_string()))
     }
 
     /// What laws take of a step, at its end or where its equations stand.
-    pub(super) fn step_of(&self, time: f64, step: &PassedStep) -> StepAt {
-        self.solving.system.step_at(time, step.increment)
+    pub(super) fn step_of(&self, window: Window) -> Window {
+        self.solving.system.with_present_rates(window)
     }
 
     /// The rates of the step.

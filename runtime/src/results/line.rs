@@ -11,6 +11,7 @@ use crate::{
     results::Located,
     team::Team,
     value::{Sampled, Value},
+    window::Window,
 };
 
 struct LineItem {
@@ -152,8 +153,7 @@ impl LineSample {
     pub fn rows(
         &self,
         mesh: &Mesh,
-        time: f64,
-        increment: f64,
+        window: Window,
         values: FieldValues<'_>,
         bad: impl FnMut(&str, f64, [f64; 3]),
     ) -> Vec<Vec<f64>> {
@@ -171,7 +171,7 @@ impl LineSample {
         let mut start = 0;
         let first = rows.first().map_or(0, Vec::len);
         for item in &self.items {
-            let value = item.value.at_step(values.step(time, increment));
+            let value = item.value.at_step(values.with_present_rates(window));
             if before != Some(item.name.as_str()) {
                 let nc = item.value.n_components();
                 start = rows.first().map_or(0, Vec::len);

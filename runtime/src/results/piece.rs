@@ -21,6 +21,7 @@ use crate::{
     share::owners_of_space,
     space::{Space, Support},
     value::{Sampled, Value},
+    window::Window,
 };
 
 /// An expression sampled on a piece.
@@ -222,11 +223,11 @@ impl SampledPiece {
     }
 
     /// The piece at a state, with all entities that this rank has; sampled by all ranks together.
-    pub fn sample(&self, mesh: &Mesh, time: f64, increment: f64, values: FieldValues<'_>) -> Piece {
+    pub fn sample(&self, mesh: &Mesh, window: Window, values: FieldValues<'_>) -> Piece {
         let n = self.space.n_nodes();
         let (mut point_data, mut cell_data) = (Vec::with_capacity(self.items.len()), Vec::new());
         for item in &self.items {
-            let value = item.value.at_step(values.step(time, increment));
+            let value = item.value.at_step(values.with_present_rates(window));
             if item.means {
                 cell_data.push(array(&item.name, value.law.shape, item.means(&value, mesh, values)));
                 continue;

@@ -8,16 +8,17 @@
 use super::{
     Attempt, AttemptEnd, Clock, Path, Progress,
     control::{Control, Matrix},
-    leg::Leg,
     remembered::{Adaptive, joined},
-    stepping::{self, Reached, StepError, Stepper, Target},
+    requests::StepRequest,
+    stepping::{Integrator, Reached, StepError, Stepper, Target},
 };
 use crate::{
     checks::{Solved, rounding_of_unknowns},
-    newton::StepHistory,
+    newton::{Spent, StepHistory},
     rates::Rates,
-    scene::{Auto, Solving},
+    scene::{Scene, Solving, TablesOf},
     system::{FIXED, Form},
+    window::Window,
 };
 
 /// Iterations after which a shorter step is tried, where one may help. Steps of an earthquake cycle take 2; of those that
@@ -32,15 +33,6 @@ const SHORTER: usize = 4;
 const SINGULAR: usize = 4;
 const SINGULAR_AT_FIRST: usize = 2;
 
-/// Where a step begins, and where it ends at the latest.
-#[derive(Clone, Copy)]
-pub(super) struct Reach {
-    pub(super) at: f64,
-    pub(super) stop: f64,
-    /// Of the increment, behind the state at its beginning.
-    pub(super) limit: f64,
-}
-
 /// How an attempt at a step ended.
 enum Tried {
     /// With the relative error, where it is too large and the increment cannot be smaller.
@@ -49,111 +41,80 @@ enum Tried {
     Nothing(Result<StepHistory, StepError>, Vec<f64>),
 }
 
-impl Stepper {
-    /// Solves the next step; `u` holds the state before and then the one after. The caller takes over the states and then
-    /// calls [`Self::remember`].
-    pub(super) fn advance(
+impl Integrator for Adaptive {
+    /// The caller takes over the states and then calls [`Adaptive::add`].
+    fn advance(
         &mut self,
+        stepper: &mut Stepper,
         scene: &mut Solving<'_>,
         u: &mut [f64],
-        reach: Reach,
+        request: StepRequest,
         clock: &mut Clock,
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
-        let rules = scene.steps.auto.clone().expect("steps that the run chooses");
-        let Reach { at, stop, limit } = reach;
-        stepping::begin(scene, Leg { from: Some(at), to: stop, first_increment: rules.first, told: None }, u)?;
-        if scene.tables.corners.contains(&at) {
-            self.adaptive(&rules).turn(&rules);
+        let Scene { steps, tables, .. } = scene.scene;
+        let rules = steps.auto.as_ref().expect("steps that the run chooses");
+        let (at, stop) = (request.from.expect("a step behind another one"), request.window.end);
+        let limit = request.limit.min(self.driven(tables, at, stop));
+        if tables.corners.contains(&at) {
+            self.turn(rules);
             scene.system.rates_mut().into_iter().for_each(Rates::turn);
         }
-        let before = self.snapshot(scene, u);
+        let before = stepper.snapshot(scene, u);
         let (mut attempts, mut guess, mut fruitless, mut singular) = (Vec::new(), true, 0, 0);
-        let most_singular = if self.adaptive(&rules).past.solutions.is_empty() { SINGULAR_AT_FIRST } else { SINGULAR };
+        let most_singular = if self.past.solutions.is_empty() { SINGULAR_AT_FIRST } else { SINGULAR };
         loop {
-            let to = self.adaptive(&rules).control.aim(&rules, at, stop, limit);
-            let increment = to - at;
-            let guessed = guess && self.guess(scene, &rules, increment, u);
+            let to = self.control.aim(rules, at, stop, limit);
+            let (window, increment) = (Window::new(to, to - at), to - at);
+            let guessed = guess && self.guess(scene, increment, u);
             // without a shorter step to go to it is worth every iteration
-            let is_last = fruitless >= SHORTER || Control::is_least(&rules, at, increment);
+            let is_last = fruitless >= SHORTER || Control::is_least(rules, at, increment);
             let iterations = if is_last { usize::MAX } else { FEW };
-            let target = Target { time: to, increment, load: None, iterations };
-            let result = self.attempt_with_order(scene, u, &target, clock, progress);
-            let tried = self.judge(scene, &rules, increment, result, u);
-            attempts.push(self.listed(&tried, increment));
+            let target = Target { window, load: None, iterations, explains: false };
+            scene.system.rates_mut().into_iter().for_each(|rates| rates.take_order(self.control.order as usize));
+            let result = stepper.attempt(scene, u, &target, clock, progress);
+            let tried = self.judge(stepper, scene, increment, result, u);
+            attempts.push(listed(&tried, increment, stepper.spent));
             let failed = match tried {
-                Tried::Accepted(history, _) => return Ok(taken(history, to, increment, attempts)),
+                Tried::Accepted(history, _) => return Ok(taken(history, window, attempts)),
                 Tried::Rejected(_) => None,
                 Tried::Nothing(result, state) => {
                     singular += usize::from(!guessed && is_singular(&result));
-                    let ends = !guessed && (singular >= most_singular || Control::is_least(&rules, at, increment));
+                    let ends = !guessed && (singular >= most_singular || Control::is_least(rules, at, increment));
                     // while the tangent is that of this attempt
-                    let result = if ends { self.with_reason(scene, result, &state) } else { result };
+                    let reason = |error| stepper.with_reason(scene, error, &state);
+                    let result = if ends { result.map_err(reason) } else { result };
                     Some((result, state, ends))
                 }
             };
-            self.go_back(scene, u, &before);
+            stepper.go_back(scene, u, &before);
             guess = true;
             let Some((result, state, ends)) = failed else { continue };
             fruitless += 1;
             match result {
-                Err(StepError::Newton(error)) if error.ends_the_run() => {
-                    return Err(error.into());
-                }
+                Err(StepError::Newton(error)) if error.ends_the_run() => return Err(error.into()),
                 _ if guessed => guess = false,
                 result if ends => {
                     u.copy_from_slice(&state);
-                    return result.map(|history| taken(history, to, increment, attempts));
+                    return result.map(|history| taken(history, window, attempts));
                 }
-                _ => self.adaptive(&rules).control.fail(increment),
+                _ => self.control.fail(increment),
             }
         }
     }
+}
 
-    /// The end of an attempt, with its reason where that is an error of the linear solver.
-    fn with_reason(
-        &self,
-        scene: &Solving<'_>,
-        result: Result<StepHistory, StepError>,
-        state: &[f64],
-    ) -> Result<StepHistory, StepError> {
-        result.map_err(|error| match error {
-            StepError::Newton(error) => self.explained(scene, error, state).into(),
-            other => other,
-        })
-    }
-
-    /// One attempt with the present order.
-    fn attempt_with_order(
-        &mut self,
-        scene: &mut Solving<'_>,
-        u: &mut [f64],
-        target: &Target<'_>,
-        clock: &mut Clock,
-        progress: &mut dyn Progress,
-    ) -> Result<StepHistory, StepError> {
-        if let (Some(rates), Some(adaptive)) = (scene.system.rates_mut(), &self.adaptive) {
-            rates.take_order(adaptive.control.order as usize);
-        }
-        self.explains = false;
-        self.attempt(scene, u, target, clock, progress)
-    }
-
+impl Adaptive {
     /// The increment that leaves out nothing of what drives a scene; infinite where that is more than the next one.
-    pub(super) fn driven(&mut self, scene: &Solving<'_>, at: f64, stop: f64) -> f64 {
-        let Some(rules) = &scene.steps.auto else { return f64::INFINITY };
-        let to = stop.min(at + self.adaptive(rules).control.next);
-        let reached = scene.tables.forcing.reach(at, to);
+    fn driven(&self, tables: &TablesOf, at: f64, stop: f64) -> f64 {
+        let to = stop.min(at + self.control.next);
+        let reached = tables.forcing.reach(at, to);
         if reached < to { reached - at } else { f64::INFINITY }
     }
 
-    fn adaptive(&mut self, rules: &Auto) -> &mut Adaptive {
-        self.adaptive.get_or_insert_with(|| Adaptive::new(rules))
-    }
-
     /// Writes what is expected into the free unknowns; false where nothing is known of the past.
-    fn guess(&mut self, scene: &Solving<'_>, rules: &Auto, increment: f64, u: &mut [f64]) -> bool {
-        let Some(mut expected) = self.adaptive(rules).expected(scene, increment) else { return false };
+    fn guess(&self, scene: &Solving<'_>, increment: f64, u: &mut [f64]) -> bool {
+        let Some(mut expected) = self.expected(scene, increment) else { return false };
         if let (Some(rates), Some(past)) = (scene.system.rates(), scene.system.past()) {
             rates.draw_back(&mut expected, &past.unknowns);
         }
@@ -165,10 +126,11 @@ impl Stepper {
         true
     }
 
+    /// Whether a solution is one that the rules allow, which the next increment follows from.
     fn judge(
         &mut self,
+        stepper: &mut Stepper,
         scene: &Solving<'_>,
-        rules: &Auto,
         increment: f64,
         result: Result<StepHistory, StepError>,
         u: &[f64],
@@ -177,21 +139,22 @@ impl Stepper {
             Ok(history) if history.converged() => history,
             nothing => return Tried::Nothing(nothing, u.to_vec()),
         };
+        let rules = scene.steps.auto.as_ref().expect("steps that the run chooses");
         let mut end = u.to_vec();
         if let (Some(rates), Some(past)) = (scene.system.rates(), scene.system.past()) {
             rates.extrapolate(&mut end, &past.unknowns);
         }
-        let solution = joined(&end, self.next_states.iter().map(Vec::as_slice));
-        let mut errors = self.adaptive(rules).errors(scene, rules, increment, &solution, &[]);
+        let solution = joined(&end, stepper.next_states.iter().map(Vec::as_slice));
+        let mut errors = self.errors(scene, rules, increment, &solution, &[]);
         // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
         if errors.is_some_and(|e| e.largest() > 1.0) && !history.solves.is_empty() {
             // a field that is zero but for rounding has no error to be made smaller
-            let rounding = self.rounding(scene, u).unwrap_or_default();
-            errors = self.adaptive(rules).errors(scene, rules, increment, &solution, &rounding);
+            let rounding = rounding(stepper, scene, u).unwrap_or_default();
+            errors = self.errors(scene, rules, increment, &solution, &rounding);
         }
-        let least = Control::is_least(rules, scene.system.step().0 - increment, increment);
+        let least = Control::is_least(rules, scene.system.step().start(), increment);
         let matrix = if scene.system.bulk_follows_steps() { Matrix::Kept } else { Matrix::New };
-        let control = &mut self.adaptive(rules).control;
+        let control = &mut self.control;
         // an error that is no number is too large
         let too_large = errors.filter(|e| e.largest() > 1.0 || e.largest().is_nan());
         match too_large {
@@ -205,34 +168,27 @@ impl Stepper {
             }
         }
     }
+}
 
-    /// By dof what rounding may change of the unknowns at `u`.
-    fn rounding(&mut self, scene: &Solving<'_>, u: &[f64]) -> Option<Vec<f64>> {
-        let system = &scene.system;
-        let residual = system.residual(u, &Form { linear: self.linear, ..Form::AS_WRITTEN }).ok()?;
-        let (solver, tangent) = (self.solver.as_mut()?, self.tangent.as_ref()?);
-        let state = Solved { system, contact: scene.contact, tangent, u, residual: &residual };
-        rounding_of_unknowns(state, solver)
-    }
+/// By dof what rounding may change of the unknowns at `u`.
+fn rounding(stepper: &mut Stepper, scene: &Solving<'_>, u: &[f64]) -> Option<Vec<f64>> {
+    let system = &scene.system;
+    let residual = system.residual(u, &Form { linear: stepper.linear, ..Form::AS_WRITTEN }).ok()?;
+    let (solver, tangent) = (stepper.solver.as_mut()?, stepper.tangent.as_ref()?);
+    let state = Solved { system, contact: scene.contact, tangent, u, residual: &residual };
+    rounding_of_unknowns(state, solver)
+}
 
-    fn listed(&self, tried: &Tried, increment: f64) -> Attempt {
-        let end = match tried {
-            Tried::Accepted(_, None) => AttemptEnd::Converged,
-            Tried::Accepted(_, Some(error)) => AttemptEnd::Forced(*error),
-            Tried::Rejected(error) => AttemptEnd::Rejected(*error),
-            Tried::Nothing(Ok(_), _) => AttemptEnd::NotConverged,
-            Tried::Nothing(Err(e), _) => AttemptEnd::Failed(e.to_string()),
-        };
-        let (iterations, linear_solves) = (self.spent.iterations, self.spent.linear_solves);
-        Attempt { path: Path::Chosen, part: (0.0, increment), iterations, linear_solves, end }
-    }
-
-    /// Takes the end of a step, with its states, as what later ones are expected from.
-    pub(super) fn remember(&mut self, scene: &Solving<'_>, increment: f64, u: &[f64]) {
-        if let Some(rules) = &scene.steps.auto {
-            self.adaptive(rules).add(scene, rules, increment, u);
-        }
-    }
+fn listed(tried: &Tried, increment: f64, spent: Spent) -> Attempt {
+    let end = match tried {
+        Tried::Accepted(_, None) => AttemptEnd::Converged,
+        Tried::Accepted(_, Some(error)) => AttemptEnd::Forced(*error),
+        Tried::Rejected(error) => AttemptEnd::Rejected(*error),
+        Tried::Nothing(Ok(_), _) => AttemptEnd::NotConverged,
+        Tried::Nothing(Err(e), _) => AttemptEnd::Failed(e.to_string()),
+    };
+    let Spent { iterations, linear_solves, .. } = spent;
+    Attempt { path: Path::Chosen, part: (0.0, increment), iterations, linear_solves, end }
 }
 
 /// True if an attempt ended with a singular tangent.
@@ -241,7 +197,7 @@ fn is_singular(result: &Result<StepHistory, StepError>) -> bool {
 }
 
 /// A step that ends here; ends of attempts are in units of its increment.
-fn taken(history: StepHistory, time: f64, increment: f64, mut attempts: Vec<Attempt>) -> Reached {
-    attempts.iter_mut().for_each(|a| a.part.1 /= increment);
-    Reached { history, time, increment, attempts }
+fn taken(history: StepHistory, window: Window, mut attempts: Vec<Attempt>) -> Reached {
+    attempts.iter_mut().for_each(|a| a.part.1 /= window.increment);
+    Reached { history, window, attempts, branches: None }
 }

@@ -10,7 +10,6 @@ use std::ops::Range;
 
 use wfl_compiler::types::{InputSlot, RateForm, RateOrder};
 
-use super::rates::StepTime;
 use crate::{
     assemble::AssembledTerm,
     lumped::Lumped,
@@ -19,6 +18,7 @@ use crate::{
     scene::{Energy, Scene, Solving},
     system::{FIXED, System},
     team::Team,
+    window::Window,
 };
 
 /// Energies since the start, in the units of the scene.
@@ -47,8 +47,8 @@ struct Forces {
 
 impl Balance {
     /// The state where time starts.
-    pub(super) fn start(scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<Self, NewtonError> {
-        let Forces { by_term, total, kinetic } = forces(scene, at, u)?;
+    pub(super) fn start(scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<Self, NewtonError> {
+        let Forces { by_term, total, kinetic } = forces(scene, window, u)?;
         let works = vec![0.0; by_term.len()];
         let free = vec![Vec::new(); by_term.len()];
         let mut start = Self { kinetic: [kinetic; 2], works, prescribed: 0.0, forces: by_term, total, free };
@@ -90,8 +90,8 @@ impl Balance {
     }
 
     /// Adds a step that has ended at `u`; its start is the past of the scene.
-    pub(super) fn add(&mut self, scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<(), NewtonError> {
-        let Forces { by_term, total, kinetic } = forces(scene, at, u)?;
+    pub(super) fn add(&mut self, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<(), NewtonError> {
+        let Forces { by_term, total, kinetic } = forces(scene, window, u)?;
         let system = &scene.system;
         let Some(past) = system.past() else { return Ok(()) };
         let mut change = vec![0.0; u.len()];
@@ -134,12 +134,12 @@ fn has_inertia(term: &AssembledTerm) -> bool {
 }
 
 /// Forces and kinetic energy at the end `u` of a step, with the rates there.
-fn forces(scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<Forces, NewtonError> {
+fn forces(scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<Forces, NewtonError> {
     let Solving { system, scene, .. } = scene;
-    system.with_other_rates((at.time, at.increment), |system| forces_at_end(scene, system, at, u))
+    system.with_other_rates(window, |system| forces_at_end(scene, system, window, u))
 }
 
-fn forces_at_end(scene: &Scene, system: &mut System, at: StepTime, u: &[f64]) -> Result<Forces, NewtonError> {
+fn forces_at_end(scene: &Scene, system: &mut System, window: Window, u: &[f64]) -> Result<Forces, NewtonError> {
     let Scene { explicit, energy, .. } = scene;
     let names: &[String] = energy.as_ref().map_or(&[], |e| &e.terms);
     let zero = vec![0.0; u.len()];
@@ -152,7 +152,7 @@ fn forces_at_end(scene: &Scene, system: &mut System, at: StepTime, u: &[f64]) ->
     };
     // without accelerations a term with inertia gives what else stands in it
     take(system.rates_mut(), &zero);
-    system.set_laws(at.time, at.increment);
+    system.set_laws(window);
     let mut by_term = vec![zero.clone(); names.len() + 1];
     let (mut total, mut inertia) = (zero.clone(), zero.clone());
     for k in 0..system.terms.len() {
@@ -176,7 +176,7 @@ fn forces_at_end(scene: &Scene, system: &mut System, at: StepTime, u: &[f64]) ->
         Ok(sum)
     };
     if let Some(explicit) = explicit {
-        let kinetic = on_the_diagonal(&explicit.lumped, system, at, [&first, &second], &mut total);
+        let kinetic = on_the_diagonal(&explicit.lumped, system, window, [&first, &second], &mut total);
         return Ok(Forces { by_term, total, kinetic });
     }
     let momentum = of_mass(&first)?;
@@ -189,7 +189,7 @@ fn forces_at_end(scene: &Scene, system: &mut System, at: StepTime, u: &[f64]) ->
 
 /// The kinetic energy of explicit steps; adds inertia to the sum of the other forces by dof in the axes of the scene, which
 /// becomes that in the local frames.
-fn on_the_diagonal(lumped: &Lumped, system: &System, at: StepTime, rates: [&[f64]; 2], total: &mut [f64]) -> f64 {
+fn on_the_diagonal(lumped: &Lumped, system: &System, window: Window, rates: [&[f64]; 2], total: &mut [f64]) -> f64 {
     let numbering = &system.numbering;
     let [velocity, acceleration] = rates.map(|v| {
         let mut v = v.to_vec();
@@ -201,7 +201,7 @@ fn on_the_diagonal(lumped: &Lumped, system: &System, at: StepTime, rates: [&[f64
     let own = |d: &usize| !follows[*d] && system.owns(*d);
     numbering.turn(total);
     // the product of the velocities half a step before and behind: the energy that central differences keep
-    let turn = 0.5 * at.increment;
+    let turn = 0.5 * window.increment;
     let mut twice = 0.0;
     for d in (0..total.len()).filter(own) {
         total[d] += lumped.mass[d] * acceleration[d];

@@ -11,55 +11,59 @@
 use std::time::Instant;
 
 use super::{
-    Clock,
-    leg::Leg,
-    rates::StepTime,
-    stepping::{self, Reached, StepError, Stepper},
+    Clock, Progress,
+    requests::StepRequest,
+    stability::Stability,
+    stepping::{Integrator, Reached, StepError, Stepper},
 };
-use crate::{
-    newton::{NewtonError, StepHistory},
-    scene::{Explicit, Solving},
-    system::FIXED,
-};
+use crate::{assemble::BranchCounts, newton::NewtonError, scene::Solving, system::FIXED, window::Window};
 
-impl Stepper {
-    /// Makes the step; `u` holds the state before and then the one after.
-    pub(super) fn explicit(
+/// Steps by central differences, and how far they are from instability.
+#[derive(Default)]
+pub(super) struct CentralDifferences {
+    pub(super) stability: Stability,
+}
+
+impl Integrator for CentralDifferences {
+    fn advance(
         &mut self,
+        stepper: &mut Stepper,
         scene: &mut Solving<'_>,
-        explicit: &Explicit,
         u: &mut [f64],
-        leg: Leg,
+        request: StepRequest,
         clock: &mut Clock,
+        _progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
-        let clocked = Instant::now();
-        stepping::begin(scene, leg, u)?;
-        let increment = leg.from.map_or(leg.first_increment, |from| leg.increment(from));
-        let at = StepTime { time: leg.to, increment };
-        let before = self.snapshot(scene, u);
-        let result = self.differences(scene, explicit, u, at);
-        clock.assemble += clocked.elapsed().as_secs_f64();
-        if let Err(error) = result {
-            self.go_back(scene, u, &before);
-            return Err(error);
+        let begin = Instant::now();
+        let before = stepper.snapshot(scene, u);
+        let made = self.step(stepper, scene, u, request.window);
+        clock.assemble += begin.elapsed().as_secs_f64();
+        match made {
+            Ok(branches) => Ok(Reached { branches: Some(branches), ..Reached::unsolved(request.window) }),
+            Err(error) => {
+                stepper.go_back(scene, u, &before);
+                Err(error)
+            }
         }
-        let (history, attempts) = (StepHistory::given(), Vec::new());
-        Ok(Reached { history, time: at.time, increment, attempts })
     }
+}
 
-    fn differences(
+impl CentralDifferences {
+    /// Makes the step; gives by term the branches in it.
+    fn step(
         &mut self,
+        stepper: &mut Stepper,
         scene: &mut Solving<'_>,
-        explicit: &Explicit,
         u: &mut [f64],
-        at: StepTime,
-    ) -> Result<(), StepError> {
-        let h = at.increment;
+        window: Window,
+    ) -> Result<Vec<BranchCounts>, StepError> {
+        let explicit = scene.scene.explicit.as_ref().expect("a scene of explicit steps");
+        let h = window.increment;
         let before = u.to_vec();
         let [first, second] = scene.system.rates().map(|r| r.ended(u, u)).expect("explicit steps have rates");
         let mut half: Vec<f64> = first.iter().zip(&second).map(|(r, s)| r + 0.5 * h * s).collect();
         u.iter_mut().zip(&half).for_each(|(x, r)| *x += h * r);
-        scene.prescribed.apply(at.time, h, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
+        scene.prescribed.apply(window, u).map_err(|bad| NewtonError::Given(Box::new(bad)))?;
         let Solving { system, .. } = scene;
         system.numbering.follow(u);
         // what is not free moves as it is prescribed, and was accelerated from the velocity half a step before
@@ -77,9 +81,9 @@ impl Stepper {
             frames.turn_back(&mut half);
         }
         take_rates(scene, &half, &vec![0.0; u.len()]);
-        scene.set_data(at.time, h).map_err(NewtonError::from)?;
+        scene.set_data(window).map_err(NewtonError::from)?;
         let system = &mut scene.system;
-        system.set_laws(at.time, h);
+        system.set_laws(window);
         let (residual, branches) = system.residual_at_points(u).map_err(NewtonError::from)?;
         let lumped = &explicit.lumped;
         let mut acceleration: Vec<f64> = (0..u.len())
@@ -88,12 +92,11 @@ impl Stepper {
         system.numbering.frames.turn_back(&mut acceleration);
         system.update_copies(&mut acceleration);
         system.numbering.follow(&mut acceleration);
-        self.keep_states(scene, at, u)?;
+        stepper.keep_states(scene, window, u)?;
         let velocity: Vec<f64> = half.iter().zip(&acceleration).map(|(r, s)| r + 0.5 * h * s).collect();
         take_rates(scene, &velocity, &acceleration);
-        self.stability.look(scene, explicit, u, at, &branches)?;
-        self.branches = Some(branches);
-        Ok(())
+        self.stability.look(scene, explicit, u, window, &branches)?;
+        Ok(branches)
     }
 }
 

@@ -79,14 +79,14 @@ impl<'d> Files<'d> {
         let lasting: Vec<Vec<bool>> = steps.iter().map(StepResult::lasting).collect();
         let place = |k: usize| StepPlace {
             number: k,
-            time: steps[k].time,
-            before: steps[k.saturating_sub(1)].time,
+            time: steps[k].window.end,
+            before: steps[k.saturating_sub(1)].window.end,
             events: &lasting[k],
         };
         for number in 0..steps.len() {
             let of_step = series.iter_mut().zip(&scene.vtk).filter(|(_, o)| o.every.has(place(number), &scene.steps));
             for (series, _) in of_step {
-                series.go_on_from(number, steps[number].time, &mut adopt)?;
+                series.go_on_from(number, steps[number].window.end, &mut adopt)?;
             }
             for output in scene.csv.iter().filter(|o| o.every.has(place(number), &scene.steps)) {
                 adopt(csv_name(output, several.then_some(number)))?;
@@ -212,7 +212,8 @@ pub(super) fn write_measures(
     let Some(last) = steps.last().filter(|s| !s.measures.is_empty()) else { return Ok(None) };
     let names = last.measures.iter().map(|(name, _)| name.as_str());
     let columns: Vec<&str> = std::iter::once(variable.unwrap_or("t")).chain(names).collect();
-    let row = |s: &StepResult| std::iter::once(s.time).chain(s.measures.iter().map(|m| m.1)).collect::<Vec<f64>>();
+    let row =
+        |s: &StepResult| std::iter::once(s.window.end).chain(s.measures.iter().map(|m| m.1)).collect::<Vec<f64>>();
     let rows: Vec<Vec<f64>> = steps.iter().map(row).collect();
     write_csv(dir, MEASURES_FILE, &columns, &rows).map(Some)
 }
@@ -275,7 +276,8 @@ pub(super) struct Table {
 
 /// What the scene wants in the files of a step, and what of it is not finite; the checkpoint is left to the caller.
 pub(super) fn collect(scene: &Solving<'_>, step: &StepResult, place: StepPlace<'_>) -> (StepFiles, Vec<BadOutput>) {
-    let (time, increment, number) = (step.time, step.increment, place.number);
+    let (window, number) = (step.window, place.number);
+    let time = window.end;
     let rows = step.series.clone();
     let Solving { system, contact, scene: Scene { vtk, csv, steps, .. } } = scene;
     let state = system.values(&step.state);
@@ -289,7 +291,7 @@ pub(super) fn collect(scene: &Solving<'_>, step: &StepResult, place: StepPlace<'
         }
         let mut pieces = Vec::with_capacity(output.pieces.len());
         for sampled in &output.pieces {
-            let mut piece = sampled.sample(&system.mesh, time, increment, values);
+            let mut piece = sampled.sample(&system.mesh, window, values);
             let entities = piece.cells.len();
             let mut terms = system.terms.iter().zip(&step.branches).enumerate();
             let here = |t: &AssembledTerm| t.place.as_deref() == Some(sampled.support());
@@ -313,7 +315,7 @@ pub(super) fn collect(scene: &Solving<'_>, step: &StepResult, place: StepPlace<'
         .map(|output| Table {
             name: csv_name(output, steps.several().then_some(number)),
             columns: output.line.columns(),
-            rows: output.line.rows(&system.mesh, time, increment, values, |name, value, position| {
+            rows: output.line.rows(&system.mesh, window, values, |name, value, position| {
                 let what = format!("`{name}` in `{}.csv`", output.file);
                 bad.push(BadOutput { what, time, value, position });
             }),

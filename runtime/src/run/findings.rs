@@ -52,7 +52,11 @@ const CHECKS: &[Check] = &[
     Check { codes: &[Code::W650], look: unbalanced },
     Check {
         codes: &[Code::W621],
-        look: |run| run.run.stepper.stability.told(|| run.scene.steps.longest_increment()).into_iter().collect(),
+        look: |run| {
+            let stability = run.run.integrators.explicit.as_ref().map(|explicit| &explicit.stability);
+            let told = stability.and_then(|stability| stability.told(|| run.scene.steps.longest_increment()));
+            told.into_iter().collect()
+        },
     },
     Check {
         codes: &[Code::W618],
@@ -78,7 +82,7 @@ pub(super) fn of_run(run: &Ended<'_>) -> Vec<Diagnostic> {
 /// Of each condition the step at which it holds least, in the order of their first appearance.
 pub(super) fn worst_checks(steps: &[StepResult]) -> Vec<(f64, &PhysicsCheck)> {
     let mut worst: Vec<(f64, &PhysicsCheck)> = Vec::new();
-    for (time, check) in steps.iter().flat_map(|s| s.checks.iter().map(|c| (s.time, c))) {
+    for (time, check) in steps.iter().flat_map(|s| s.checks.iter().map(|c| (s.window.end, c))) {
         match worst.iter_mut().find(|w| w.1.name == check.name) {
             Some(w) if w.1.value >= check.value => {}
             Some(w) => *w = (time, check),
@@ -93,7 +97,7 @@ fn few_digits(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
     let all = steps.iter().filter_map(|s| Some((s, s.accuracy.as_ref()?)));
     let (step, accuracy) = all.min_by(|a, b| a.1.digits().total_cmp(&b.1.digits()))?;
     let text = format!("rounding alone changes it by about {:.0e} of its size", accuracy.error);
-    let (field, time) = (&accuracy.field, step.time);
+    let (field, time) = (&accuracy.field, step.window.end);
     (accuracy.digits() < FEW_DIGITS).then(|| {
         Diagnostic::new(Code::W605, format!("fewer than {FEW_DIGITS} correct digits of `{field}` at t = {time}"))
             .at_or_note(scene.place_of_field(field), text)
@@ -103,7 +107,7 @@ fn few_digits(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
 /// W607.
 fn displaced(steps: &[StepResult]) -> Option<Diagnostic> {
     let step = steps.iter().find(|s| s.history.displaced)?;
-    let text = format!("at t = {} the tangent is singular at zero: started from a displaced state", step.time);
+    let text = format!("at t = {} the tangent is singular at zero: started from a displaced state", step.window.end);
     Some(Diagnostic::new(Code::W607, text))
 }
 
@@ -131,7 +135,7 @@ fn turned_cells(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
 
 /// By term the first step in which cells turned inside out.
 fn turned(steps: &[StepResult]) -> impl Iterator<Item = (f64, &TurnedCells)> {
-    let all = || steps.iter().flat_map(|s| s.turned.iter().map(|cells| (s.time, cells)));
+    let all = || steps.iter().flat_map(|s| s.turned.iter().map(|cells| (s.window.end, cells)));
     let is_first = move |at: usize, cells: &TurnedCells| all().take(at).all(|(_, c)| c.term != cells.term);
     all().enumerate().filter(move |(at, (_, cells))| is_first(*at, cells)).map(|(_, found)| found)
 }
@@ -154,7 +158,7 @@ fn of_turned(scene: &Scene, time: f64, cells: &TurnedCells) -> Diagnostic {
 
 /// W617 for zones of contact of the last step that cover no face.
 fn narrow(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
-    let zones = steps.last().into_iter().flat_map(|s| s.narrow.iter().map(|zone| (s.time, zone)));
+    let zones = steps.last().into_iter().flat_map(|s| s.narrow.iter().map(|zone| (s.window.end, zone)));
     let told = zones.map(move |(time, NarrowZone { term, faces })| {
         let text = format!(
             "at t = {time} `{term}` presses at points of {} of its {} faces, and on none of them at all points",
@@ -171,7 +175,7 @@ fn narrow(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
 /// W520: by term the step in which its pressures alternate most.
 fn zigzags(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
     let mut worst: Vec<(f64, &Zigzag)> = Vec::new();
-    for (time, zigzag) in steps.iter().flat_map(|s| s.zigzags.iter().map(|z| (s.time, z))) {
+    for (time, zigzag) in steps.iter().flat_map(|s| s.zigzags.iter().map(|z| (s.window.end, z))) {
         match worst.iter_mut().find(|w| w.1.term == zigzag.term) {
             Some(w) if w.1.size.amplitude >= zigzag.size.amplitude => {}
             Some(w) => *w = (time, zigzag),
@@ -202,20 +206,20 @@ fn several(steps: &[StepResult]) -> Option<Diagnostic> {
     let told = |text: String, why: &str| Some(Diagnostic::new(Code::W609, text).note(why));
     if let Some(step) = first(Others::Proved) {
         return told(
-            format!("at t = {} the solution is not unique", step.time),
+            format!("at t = {} the solution is not unique", step.window.end),
             "the determinant of its tangent has the opposite sign to that of the tied bodies, which proves that other \
              solutions exist",
         );
     }
     if let Some(step) = steps.iter().find(|s| s.history.turns > 0) {
         return told(
-            format!("from t = {} on the solution may not be unique", step.time),
+            format!("from t = {} on the solution may not be unique", step.window.end),
             &format!("the load decreased on the path to it, with {} turning points", step.history.turns),
         );
     }
     let step = first(Others::Possible)?;
     told(
-        format!("from t = {} on the solution may not be unique", step.time),
+        format!("from t = {} on the solution may not be unique", step.window.end),
         "the determinant of a tangent during the iteration has the opposite sign to that of the tied bodies, so that some \
          loads have several solutions",
     )
@@ -223,7 +227,7 @@ fn several(steps: &[StepResult]) -> Option<Diagnostic> {
 
 /// W640: the first step that ends in an equilibrium which is no minimum of the energy.
 fn unstable(steps: &[StepResult]) -> Option<Diagnostic> {
-    let (time, found) = steps.iter().find_map(|s| Some((s.time, s.unstable?)))?;
+    let (time, found) = steps.iter().find_map(|s| Some((s.window.end, s.unstable?)))?;
     let directions = match found {
         Unstable::Directions(1) => "1 direction (a negative eigenvalue of the tangent)".to_owned(),
         Unstable::Directions(n) => format!("{n} directions (negative eigenvalues of the tangent)"),
@@ -248,8 +252,11 @@ fn laborious(steps: &[StepResult]) -> Option<Diagnostic> {
     let several = converged().count() > 1;
     let usual = if all.len() < 2 { FEW_ITERATIONS } else { *usual };
     (several && most.iterations() >= LABORIOUS * usual).then(|| {
-        let text =
-            format!("the step to t = {} took {} iterations, other steps about {usual}", most.time, most.iterations());
+        let text = format!(
+            "the step to t = {} took {} iterations, other steps about {usual}",
+            most.window.end,
+            most.iterations()
+        );
         Diagnostic::new(Code::W641, text)
             .note("it may have ended in another state than that which the steps before lead to")
             .help("compare its measures with those of smaller steps")
@@ -265,8 +272,7 @@ fn bad_measures(run: &Run) -> Vec<Diagnostic> {
 fn unbalanced(run: &Ended<'_>) -> Vec<Diagnostic> {
     let floor = |s: &StepResult| s.history.iterations.last().map_or(0.0, |i| i.floor);
     let ended = run.run.steps.iter().map(|s| scene::Ended {
-        time: s.time,
-        increment: s.increment,
+        window: s.window,
         measures: &s.measures,
         moved: &s.moved,
         floor: floor(s),

@@ -71,7 +71,7 @@ pub(super) fn findings(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Ite
 
 /// W615: the step in which friction as a whole has given back a part of the energy that it took.
 fn energy_back(steps: &[StepResult]) -> Option<Diagnostic> {
-    let works = || steps.iter().filter_map(|s| Some((s.time, s.friction?)));
+    let works = || steps.iter().filter_map(|s| Some((s.window.end, s.friction?)));
     let (mut sum, mut most, mut size, mut bound) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
     for (_, work) in works() {
         sum += work.taken;
@@ -98,7 +98,7 @@ fn energy_back(steps: &[StepResult]) -> Option<Diagnostic> {
 
 /// W630: the step in which points that stick had crept most.
 fn creep(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
-    let any = || steps.iter().filter_map(|s| Some((s.time, s.creep.as_ref()?)));
+    let any = || steps.iter().filter_map(|s| Some((s.window.end, s.creep.as_ref()?)));
     let moved = any().fold(0.0f64, |m, (_, creep)| m.max(creep.moved));
     let all = || any().filter(|(_, creep)| creep.counts(moved));
     let (first, _) = all().next()?;
@@ -115,7 +115,7 @@ fn creep(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
 
 /// W631: by term the first step in which its sides had slid by more than a face, and the most that they did.
 fn slid(scene: &Scene, steps: &[StepResult]) -> impl Iterator<Item = Diagnostic> {
-    let all = || steps.iter().flat_map(|s| s.slid.iter().map(|slid| (s.time, slid)));
+    let all = || steps.iter().flat_map(|s| s.slid.iter().map(|slid| (s.window.end, slid)));
     let is_first = move |at: usize, slid: &SlidPast| all().take(at).all(|(_, s)| s.term != slid.term);
     let firsts = all().enumerate().filter(move |(at, (_, slid))| is_first(*at, slid));
     firsts.map(move |(_, (first, SlidPast { term, faces, slip, position, .. }))| {

@@ -1,28 +1,35 @@
 //! How good a converged state is: its digits, the conditions of mechanics, other states that solve the same equations.
 
+use std::time::Instant;
+
 use wfl_compiler::types::FieldKind;
 
-use super::{Run, findings};
+use super::{
+    Run, StepResult, findings,
+    stepping::{Reached, StepError},
+};
 use crate::{
+    assemble::BranchCounts,
     checks::{self, Accuracy, NarrowZone, Others, PhysicsCheck, Solved, TurnedCells, Unstable, Zigzag},
+    contact::slid_past_faces,
     field::Field,
-    newton::{NewtonError, StepHistory},
+    newton::{NewtonError, StepHistory, Stop},
     scene::{Scene, Solving},
     system::{Form, Residual},
 };
 
 /// What is known of a converged state: the fields of [`StepResult`].
 #[derive(Default)]
-pub(super) struct Judged {
-    pub(super) accuracy: Option<Accuracy>,
-    pub(super) checks: Vec<PhysicsCheck>,
-    pub(super) turned: Vec<TurnedCells>,
-    pub(super) narrow: Vec<NarrowZone>,
-    pub(super) zigzags: Vec<Zigzag>,
-    pub(super) others: Others,
-    pub(super) unstable: Option<Unstable>,
+struct Judged {
+    accuracy: Option<Accuracy>,
+    checks: Vec<PhysicsCheck>,
+    turned: Vec<TurnedCells>,
+    narrow: Vec<NarrowZone>,
+    zigzags: Vec<Zigzag>,
+    others: Others,
+    unstable: Option<Unstable>,
     /// The residual there.
-    pub(super) residual: Residual,
+    residual: Residual,
 }
 
 /// The most that is known of other states, of so many steps: what a step costs does not grow with their number.
@@ -57,8 +64,47 @@ impl Run {
         *known
     }
 
-    /// How good the converged state is; `residual` is that of the scene there.
-    pub(super) fn judge(&mut self, scene: &Solving<'_>, history: &StepHistory) -> Result<Judged, NewtonError> {
+    /// What is known of a step that has come to its end, before states are renewed: the equations are those of the old ones. A
+    /// state that is given has nothing to judge.
+    pub(super) fn judged(&mut self, scene: &Solving<'_>, reached: Reached) -> Result<StepResult, StepError> {
+        let Reached { history, window, attempts, branches } = reached;
+        let solved = self.judges && history.converged() && history.stop != Some(Stop::Given);
+        let begin = Instant::now();
+        let judged = if solved { self.judge(scene, &history)? } else { Judged::default() };
+        if solved {
+            self.watched.look(scene, &self.u, window.end);
+        }
+        let Judged { accuracy, checks, turned, narrow, zigzags, others, unstable, residual } = judged;
+        let branches = if solved { residual.branches } else { branches.unwrap_or_else(|| self.branches(scene)) };
+        let slid = if solved { slid_past_faces(scene.system, scene.contact, &self.u) } else { Vec::new() };
+        self.clock.check += begin.elapsed().as_secs_f64();
+        Ok(StepResult {
+            window,
+            history,
+            attempts,
+            accuracy,
+            checks,
+            turned,
+            narrow,
+            slid,
+            zigzags,
+            others,
+            unstable,
+            branches,
+            ..StepResult::default()
+        })
+    }
+
+    /// The branches of the terms at a state that was not solved for, where a file shows them.
+    pub(super) fn branches(&self, scene: &Solving<'_>) -> Vec<BranchCounts> {
+        if scene.vtk.is_empty() {
+            return Vec::new();
+        }
+        scene.system.residual(&self.u, &Form::AS_WRITTEN).map_or_else(|_| Vec::new(), |residual| residual.branches)
+    }
+
+    /// How good the converged state is.
+    fn judge(&mut self, scene: &Solving<'_>, history: &StepHistory) -> Result<Judged, NewtonError> {
         let form = Form { linear: self.stepper.linear, ..Form::AS_WRITTEN };
         let residual = match self.stepper.residual.take() {
             Some(residual) => residual,
@@ -74,7 +120,7 @@ impl Run {
         let left = history.iterations.last().map_or(0.0, |i| i.residual);
         // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
         let is_solved = !history.solves.is_empty();
-        let due = checks::is_due(self.steps.len(), scene.steps.is_last(self.steps.len(), system.step().0));
+        let due = checks::is_due(self.steps.len(), scene.steps.is_last(self.steps.len(), system.step().stage));
         let (response, often) = (&mut self.stepper.response, scene.steps.are_many_and_equal() && !due);
         let mut digits = || match history.correction {
             _ if !is_solved => None,

@@ -8,39 +8,34 @@ use wfl_compiler::{
     types::{FieldKind, InputSlot},
 };
 
-use super::{
-    balance::Balance,
-    ended::Ended,
-    rates::{self, StepTime},
-    stepping::Stepper,
-    trajectory::Passed,
-};
+use super::{balance::Balance, ended::Ended, rates, stepping::Stepper, trajectory::Passed};
 use crate::{
     newton::NewtonError,
     scene::{Energy, Solving},
+    window::Window,
 };
 
 impl Stepper {
     /// Renews states and moves `u` to the end of the step. The forces of the balance are those of the equations, so with the
     /// states before; where the equations stand within the step no state is renewed.
-    pub(super) fn leave(&mut self, scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) -> Result<(), NewtonError> {
+    pub(super) fn leave(&mut self, scene: &mut Solving<'_>, window: Window, u: &mut [f64]) -> Result<(), NewtonError> {
         let within = rates::offset(scene) != 0.0;
         if !within {
-            self.balance(scene, at, u)?;
+            self.balance(scene, window, u)?;
         }
         self.renew(scene);
-        rates::leave(scene, at, u)?;
+        rates::leave(scene, window, u)?;
         if within {
             self.trajectory.iter_mut().for_each(|kept| kept.ended_at(u));
-            self.balance(scene, at, u)?;
+            self.balance(scene, window, u)?;
         }
         Ok(())
     }
 
     /// Adds a step, or a part of one, that has converged at `u` to the steps that are kept, before its states are renewed.
-    pub(super) fn keep_passed(&mut self, scene: &Solving<'_>, at: StepTime, u: &[f64], kind: Passed) {
+    pub(super) fn keep_passed(&mut self, scene: &Solving<'_>, window: Window, u: &[f64], kind: Passed) {
         if let Some(kept) = &mut self.trajectory {
-            kept.add(scene, at, u, kind);
+            kept.add(scene, window, u, kind);
         }
     }
 
@@ -51,14 +46,14 @@ impl Stepper {
         }
     }
 
-    fn balance(&mut self, scene: &mut Solving<'_>, at: StepTime, u: &[f64]) -> Result<(), NewtonError> {
+    fn balance(&mut self, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<(), NewtonError> {
         if scene.energy.is_none() {
             return Ok(());
         }
         match &mut self.balance {
-            Some(balance) => balance.add(scene, at, u),
+            Some(balance) => balance.add(scene, window, u),
             none => {
-                *none = Some(Balance::start(scene, at, u)?);
+                *none = Some(Balance::start(scene, window, u)?);
                 Ok(())
             }
         }
@@ -74,7 +69,7 @@ impl Stepper {
 /// W620 for a run that loses more energy than the scene allows, or whose contact does.
 pub(super) fn lost(run: &Ended<'_>) -> Option<Diagnostic> {
     let Ended { scene, run, .. } = run;
-    let steps = run.steps.iter().map(|s| (s.time, s.measures.as_slice()));
+    let steps = run.steps.iter().map(|s| (s.window.end, s.measures.as_slice()));
     let balance = run.stepper.balance.as_ref();
     let energy = scene.energy.as_ref()?;
     let names = energy.measures();

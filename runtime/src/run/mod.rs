@@ -1,14 +1,14 @@
 //! Running a scene: steps, Newton, measures, files, report.
 //!
-//! `stepping` gets from one requested value to the next, `files` writes what the scene asks for, `report` says what
+//! `integrators` says how a step is made, `stepping` is what these ways share, `files` writes what the scene asks for, `report` says what
 //! was done. Promises: every step that was tried is in the report, also when the run ends with an error; files are
 //! written in the order of the steps by a thread of their own, so that the solver does not wait for the disc.
 
 mod adaptive;
 mod again;
-mod asked;
 mod attempts;
 mod balance;
+mod beginning;
 mod checkpoint;
 mod control;
 mod ended;
@@ -19,19 +19,22 @@ mod findings;
 mod folder;
 mod friction;
 mod growth;
+mod integrators;
 mod judged;
+mod keeping;
 mod leaving;
-mod leg;
 mod memory;
 mod options;
 mod others;
 mod outcome;
+mod parts;
 mod past;
 mod progress;
 mod quantities;
 mod rates;
 mod remembered;
 mod report;
+mod requests;
 mod resuming;
 mod session;
 mod stability;
@@ -41,10 +44,7 @@ mod stepping;
 mod trajectory;
 mod watched;
 
-use std::{
-    sync::mpsc::{SyncSender, sync_channel},
-    time::{Duration, Instant},
-};
+use std::{sync::mpsc::sync_channel, time::Instant};
 
 pub use attempts::{Attempt, AttemptEnd, Path};
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError, Holders};
@@ -53,52 +53,46 @@ pub use folder::{finished, may_begin};
 pub use memory::Memory;
 pub use options::RunOptions;
 pub use outcome::{KeptStep, KeptTable, Outcome, save};
+pub use parts::FRUITLESS;
 pub use progress::{Progress, Quiet};
 pub(crate) use rates::{As, Mass, mass_at_start, prescribed_differences};
 pub(crate) use report::put_expectations;
 pub use session::{Session, Standing};
 pub use state::State as RunState;
-pub use stepping::FRUITLESS;
 use thiserror::Error;
 pub use trajectory::{Passed, PassedStep, Trajectory};
 
 use crate::{
     assemble::BranchCounts,
     checks::{Accuracy, NarrowZone, Others, PhysicsCheck, TurnedCells, Unstable, Zigzag},
-    contact::{Creep, FrictionWork, SlidPast, slid_past_faces},
+    contact::{Creep, FrictionWork, SlidPast},
     finite::{BadGiven, BadMeasure, BadOutput},
-    newton::{NewtonError, StepHistory, Stop},
-    output::{Hash, OutputDir, OutputError, Piece, State, write_report},
+    newton::{NewtonError, StepHistory},
+    output::{Hash, OutputDir, OutputError, State, write_report},
     scene::{Scene, Solving, Turnover},
-    system::Form,
+    window::Window,
 };
-use adaptive::Reach;
-use asked::Asked;
 use checkpoint::Log;
 use events::{Sides, lasts};
-use files::{CheckpointCost, Files, OfOthers, StepFiles};
+use files::{Files, StepFiles};
 use friction::Friction;
-use judged::{Judged, KnownOfOthers};
+use integrators::Integrators;
+use judged::KnownOfOthers;
+use keeping::Keeper;
+use requests::StepRequest;
 use stepping::{Reached, StepError, Stepper};
 use watched::Watched;
 
 /// Steps that may wait for their files to be written before the solver waits too.
 const STEPS_TO_WRITE: usize = 1;
-/// A checkpoint is made after the first step that ends so long after the last one: what a kill costs at most, but for
-/// the step it meets. On a slow disc it is [`CHECKPOINT_SHARE`] times what the last checkpoint took.
-const CHECKPOINT_EVERY: Duration = Duration::from_millis(100);
-/// Of the time of a run checkpoints take at most one part in so many.
-const CHECKPOINT_SHARE: u32 = 20;
 /// Bytes of stack of the threads of a run: as many as the first thread of a program has.
 const STACK: usize = 8 << 20;
 
 /// One step of a run.
 #[derive(Clone, Debug, Default)]
 pub struct StepResult {
-    /// The step variable.
-    pub time: f64,
-    /// The last increment of the step variable: smaller than that of the scene after a step in parts.
-    pub increment: f64,
+    /// Its last part: it ends where the step does, and is shorter than the step of the scene after a step in parts.
+    pub window: Window,
     /// What Newton did in the last part.
     pub history: StepHistory,
     /// Every attempt at a part of the step; none for a state that is given.
@@ -231,6 +225,16 @@ pub enum RunError {
     Checkpoint(#[from] CheckpointError),
 }
 
+impl RunError {
+    /// Of a step by its number, to a value of the step variable.
+    fn of_step(error: StepError, step: usize, time: f64) -> Self {
+        match error {
+            StepError::Newton(error) => Self::Newton { step, time, error },
+            StepError::State { state, value, position } => Self::State { step, time, state, value, position },
+        }
+    }
+}
+
 /// Runs a scene, in the current pool of threads if it has as many as the options ask for, else in one of its own.
 ///
 /// # Errors
@@ -312,6 +316,7 @@ struct Clock {
 struct Run {
     u: Vec<f64>,
     stepper: Stepper,
+    integrators: Integrators,
     steps: Vec<StepResult>,
     clock: Clock,
     /// What the checkpoints of this run have written of its steps.
@@ -343,6 +348,7 @@ impl Run {
         Ok(Self {
             u,
             stepper,
+            integrators: Integrators::new(scene),
             // growing by doubling would hold them twice
             steps: Vec::with_capacity(scene.steps.listed().unwrap_or(0)),
             clock: Clock::default(),
@@ -359,7 +365,7 @@ impl Run {
 
     /// True if every step of the scene is done and converged.
     fn is_done(&self, scene: &Solving<'_>) -> bool {
-        self.next_asked(scene).is_none() && self.steps.iter().all(|s| s.history.converged())
+        self.next_request(scene).is_none() && self.steps.iter().all(|s| s.history.converged())
     }
 
     /// Lists a step that was tried.
@@ -368,7 +374,7 @@ impl Run {
             before.shrink();
         }
         let number = self.steps.len();
-        let last = scene.steps.auto.is_some() && scene.steps.is_last(number, step.time);
+        let last = scene.steps.auto.is_some() && scene.steps.is_last(number, step.window.end);
         if options.keep_outputs.contains(&number) || (last && !options.keep_outputs.is_empty()) {
             let begin = Instant::now();
             let (files, bad) = {
@@ -391,7 +397,7 @@ impl Run {
         progress: &mut dyn Progress,
     ) -> Result<(), RunError> {
         if files.dir.is_none() {
-            return self.steps_to(None, scene, options, progress);
+            return self.steps_to(Keeper::new(None, scene), scene, options, progress);
         }
         let cost = files.cost.clone();
         std::thread::scope(|scope| {
@@ -400,7 +406,7 @@ impl Run {
                 let written = receiver.iter().try_for_each(|step| files.write(&step));
                 (files, written)
             });
-            let solved = self.steps_to(Some((&sender, &cost)), scene, options, progress);
+            let solved = self.steps_to(Keeper::new(Some((&sender, &cost)), scene), scene, options, progress);
             let begin = Instant::now();
             drop(sender);
             let (files, written) = writer.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
@@ -410,140 +416,53 @@ impl Run {
         })
     }
 
-    /// Solves the remaining steps and sends what is to be written; ends early, without an error of
-    /// its own, when the writer has ended.
+    /// The remaining steps; ends early, without an error of its own, when the writer has ended.
     fn steps_to(
         &mut self,
-        writer: Option<(&SyncSender<StepFiles>, &CheckpointCost)>,
+        mut keeper: Keeper<'_>,
         scene: &mut Solving<'_>,
         options: &RunOptions,
         progress: &mut dyn Progress,
     ) -> Result<(), RunError> {
-        let several = scene.steps.several();
-        let mut checkpoint_before: Option<Instant> = None;
-        let mut gathering = Duration::ZERO;
-        // of ranks with parts of the mesh each makes its own of a file, and the first one gets them
-        let holders = scene.system.mesh.holders();
-        let has_part = !holders.is_alone() && holders.any(writer.is_some());
-        while let Some(asked) = self.next_asked(scene) {
-            let number = asked.number;
-            let step = self.step(scene, asked, progress)?;
+        while let Some(request) = self.next_request(scene) {
+            let step = self.step(scene, request, progress)?;
             progress.step_done(&step);
             let goes_on = step.history.converged() || scene.steps.go_on;
             self.add(step, scene, options);
-            if !goes_on {
-                break;
-            }
-            self.leave_mark(scene);
-            let due = writer.is_some_and(|(_, cost)| {
-                let pause = CHECKPOINT_EVERY.max(CHECKPOINT_SHARE * (cost.get() + gathering));
-                several && checkpoint_before.is_none_or(|before| before.elapsed() >= pause)
-            });
-            let begin = Instant::now();
-            // what a checkpoint keeps is made by all ranks together, when the one that writes wants it
-            let kept = scene.system.team().any(due).then(|| self.state(scene));
-            if kept.is_some() {
-                gathering = begin.elapsed();
-            }
-            if writer.is_none() && !has_part {
-                continue;
-            }
-            let (last, lasting) = (&self.steps[number], self.steps[number].lasting());
-            let (mut step, bad) = files::collect(scene, last, self.place_of(last, &lasting, number));
-            bad.into_iter().for_each(|bad| self.add_bad(bad));
-            if let Some(kept) = kept {
-                checkpoint_before = Some(begin);
-                let mut log = std::mem::take(&mut self.log);
-                step.checkpoint = Some(checkpoint::pack(self, &mut log, scene, &kept));
-                self.log = log;
-            }
-            let taken = self.hand_over(scene, step, writer.map(|(writer, _)| writer));
-            self.clock.write += begin.elapsed().as_secs_f64();
-            if !taken {
+            if !goes_on || !self.keep(scene, &mut keeper) {
                 break;
             }
         }
         Ok(())
     }
 
-    /// Gives a step to the thread that writes; false where that has ended. Of ranks that have parts of the mesh each gives
-    /// its pieces to the first one.
-    fn hand_over(&self, scene: &Solving<'_>, mut step: StepFiles, writer: Option<&SyncSender<StepFiles>>) -> bool {
-        let team = scene.system.mesh.holders();
-        if team.is_alone() {
-            return writer.is_none_or(|writer| step.is_empty() || writer.send(step).is_ok());
-        }
-        let grids = step.grids.iter().flatten().count();
-        let Some(writer) = writer else {
-            let own: Vec<&[Piece]> = step.grids.iter().flatten().map(Vec::as_slice).collect();
-            return others::pass_on(&own, team, None).is_some() || team.rank() > 0;
-        };
-        let (sender, pieces) = sync_channel(0);
-        step.others = Some(OfOthers { ranks: team.size(), pieces });
-        let is_sent = step.is_empty() || writer.send(step).is_ok();
-        // the others send, whether or not somebody writes
-        others::pass_on(&vec![[].as_slice(); grids], team, Some(&sender)).is_some() && is_sent
-    }
-
+    /// One step, as it is requested.
     fn step(
         &mut self,
         scene: &mut Solving<'_>,
-        asked: Asked,
+        request: StepRequest,
         progress: &mut dyn Progress,
     ) -> Result<StepResult, RunError> {
-        let Asked { number, count, leg } = asked;
-        let time = leg.to;
-        progress.step(number, count, if count.is_none() { leg.from.unwrap_or(time) } else { time });
-        let reached = if number == 0 && scene.steps.from_start {
-            self.stepper.given(scene, &self.u, leg, &mut self.clock, progress)
-        } else if let Some(explicit) = scene.explicit.clone() {
-            self.stepper.explicit(scene, &explicit, &mut self.u, leg, &mut self.clock)
-        } else if let (None, Some(at)) = (count, leg.from) {
-            let limit = self.limit().min(self.stepper.driven(scene, at, leg.to));
-            let reach = Reach { at, stop: leg.to, limit };
-            self.stepper.advance(scene, &mut self.u, reach, &mut self.clock, progress)
-        } else {
-            self.stepper.reach(scene, &mut self.u, leg, &mut self.clock, progress)
-        };
-        let wrap = |run: &Self, scene: &Solving<'_>, error| match error {
-            StepError::Newton(error) => {
-                RunError::Newton { step: number, time, error: run.stepper.explained(scene, error, &run.u) }
-            }
-            StepError::State { state, value, position } => {
-                RunError::State { step: number, time, state, value, position }
-            }
-        };
-        let Reached { history, time, increment, attempts } = reached.map_err(|error| wrap(self, scene, error))?;
-        // the equations are those of the old states; a state that is given has nothing to judge
-        let solved = self.judges && history.converged() && history.stop != Some(Stop::Given);
-        let begin = Instant::now();
-        let judged = if solved { self.judge(scene, &history) } else { Ok(Judged::default()) };
-        let judged = judged.map_err(|error| wrap(self, scene, error.into()))?;
-        if solved {
-            self.watched.look(scene, &self.u, time);
-        }
-        let Judged { accuracy, checks, turned, narrow, zigzags, others, unstable, residual } = judged;
-        let known = self.stepper.branches.take();
-        let branches = if solved { residual.branches } else { known.unwrap_or_else(|| self.branches(scene)) };
-        let slid = if solved { slid_past_faces(scene.system, scene.contact, &self.u) } else { Vec::new() };
-        self.clock.check += begin.elapsed().as_secs_f64();
-        let step = StepResult {
-            time,
-            increment,
-            history,
-            attempts,
-            accuracy,
-            checks,
-            turned,
-            narrow,
-            slid,
-            zigzags,
-            others,
-            unstable,
-            branches,
-            ..StepResult::default()
-        };
+        let StepRequest { number, count, from, window, .. } = request;
+        let chosen_from = from.filter(|_| count.is_none());
+        progress.step(number, count, chosen_from.unwrap_or(window.end));
+        let reached = self.advance(scene, request, progress);
+        let judged = reached.and_then(|reached| self.judged(scene, reached));
+        let stopped = |error| RunError::of_step(self.stepper.with_reason(scene, error, &self.u), number, window.end);
+        let step = judged.map_err(stopped)?;
         self.ended(scene, step, progress)
+    }
+
+    /// From the end of the last step to that of the next one.
+    fn advance(
+        &mut self,
+        scene: &mut Solving<'_>,
+        request: StepRequest,
+        progress: &mut dyn Progress,
+    ) -> Result<Reached, StepError> {
+        let Self { u, stepper, integrators, clock, .. } = self;
+        stepping::begin(scene, request, u)?;
+        integrators.of(scene, &request).advance(stepper, scene, u, request, clock, progress)
     }
 
     /// The end of a step: states are renewed, measures taken.
@@ -554,8 +473,7 @@ impl Run {
         progress: &mut dyn Progress,
     ) -> Result<StepResult, RunError> {
         let begin = Instant::now();
-        let (time, increment) = (step.time, step.increment);
-        let (number, at) = (self.steps.len(), rates::StepTime { time, increment });
+        let (number, window) = (self.steps.len(), step.window);
         if step.history.converged() {
             self.stepper.slide(scene, &self.u);
         }
@@ -567,27 +485,19 @@ impl Run {
         self.clock.check += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
         let kind = if scene.explicit.is_some() && !is_start { Passed::Explicit } else { Passed::of(&step.history) };
-        self.stepper.keep_passed(scene, at, &self.u, kind);
-        let left = self.stepper.leave(scene, at, &mut self.u);
-        left.map_err(|error| RunError::Newton { step: number, time, error })?;
-        self.stepper.remember(scene, increment, &self.u);
-        (step.limit, step.events) = self.watched(scene, time, increment);
+        self.stepper.keep_passed(scene, window, &self.u, kind);
+        let left = self.stepper.leave(scene, window, &mut self.u);
+        left.map_err(|error| RunError::Newton { step: number, time: window.end, error })?;
+        self.integrators.remember(scene, window.increment, &self.u);
+        (step.limit, step.events) = self.watched(scene, window);
         let lasting = step.lasting();
         step.series = self.series(scene, &step, self.place_of(&step, &lasting, self.steps.len()));
-        let taken = self.measures(scene, time, increment);
+        let taken = self.measures(scene, window);
         (step.measures, step.bad_measures, step.moved) = (taken.measures, taken.bad, taken.moved);
-        self.print(scene, time, increment, progress);
+        self.print(scene, window, progress);
         step.state = self.u.clone();
         self.clock.measure += begin.elapsed().as_secs_f64();
         Ok(step)
-    }
-
-    /// The branches of the terms at a state that was not solved for, where a file shows them.
-    fn branches(&self, scene: &Solving<'_>) -> Vec<BranchCounts> {
-        if scene.vtk.is_empty() {
-            return Vec::new();
-        }
-        scene.system.residual(&self.u, &Form::AS_WRITTEN).map_or_else(|_| Vec::new(), |residual| residual.branches)
     }
 
     /// Keeps what is not finite, the first time that it is met.

@@ -59,7 +59,7 @@ impl Outcome {
             for (name, value) in step.measures.iter().filter(|m| !m.1.is_finite()) {
                 if out.iter().all(|known| known.1 != name) {
                     let place = step.bad_measures.iter().find(|bad| bad.name == *name);
-                    out.push((step.time, name, *value, place));
+                    out.push((step.window.end, name, *value, place));
                 }
             }
         }
@@ -149,7 +149,7 @@ impl Run {
     /// The events of the scene by name.
     fn episodes(&self, scene: &Scene) -> Vec<(String, Vec<Episode>)> {
         let of = |k: usize| -> Vec<(f64, Sides)> {
-            self.steps.iter().filter_map(|s| s.events.get(k).map(|sides| (s.time, *sides))).collect()
+            self.steps.iter().filter_map(|s| s.events.get(k).map(|sides| (s.window.end, *sides))).collect()
         };
         scene.events.iter().enumerate().map(|(k, e)| (e.name.clone(), episodes(&of(k)))).collect()
     }
@@ -165,7 +165,7 @@ impl Run {
         let count = self.steps.iter().filter(forced).count();
         let text = format!(
             "the error of {count} steps is larger than the demanded {:e}, the first at t = {}",
-            rules.error, first.time
+            rules.error, first.window.end
         );
         Some(Diagnostic::new(Code::W618, text).note(format!("an increment is at least {:e}", rules.least)))
     }
@@ -186,13 +186,13 @@ impl Run {
         let rules = scene.steps.auto.as_ref().filter(|rules| rules.limit.is_some())?;
         // behind the last state no step follows
         let stop = scene.steps.last();
-        let unlimited = |s: &&StepResult| s.time < stop && (s.limit.is_nan() || s.limit <= 0.0);
+        let unlimited = |s: &&StepResult| s.window.end < stop && (s.limit.is_nan() || s.limit <= 0.0);
         let first = self.steps.iter().find(unlimited)?;
         let count = self.steps.iter().filter(unlimited).count();
         let value = if first.limit.is_nan() { "not a number".to_owned() } else { format!("{:e}", first.limit) };
         let text = format!(
             "`limit` is {value} behind the state at t = {}, and no positive number behind {count} states in all",
-            first.time
+            first.window.end
         );
         let so = format!("there it limited nothing, and an increment was at most {:e}", rules.most);
         Some(Diagnostic::new(Code::W619, text).note(so))

@@ -4,6 +4,7 @@ use super::{Progress, Run, StepResult, events::Sides};
 use crate::{
     finite::{BadMeasure, BadOutput},
     scene::{CsvOutput, Measured, Scene, Solving, StepPlace, Turnover},
+    window::Window,
 };
 
 /// What is measured at the end of a step: the fields of [`StepResult`].
@@ -15,11 +16,11 @@ pub(super) struct Taken {
 
 impl Run {
     /// The measures of the scene by name, and those that are not finite with the place.
-    pub(super) fn measures(&self, scene: &Solving<'_>, time: f64, increment: f64) -> Taken {
+    pub(super) fn measures(&self, scene: &Solving<'_>, window: Window) -> Taken {
         let Solving { system, scene: Scene { measures: asked, .. }, .. } = scene;
         let u = &self.u;
         let (mut measures, mut bad_measures) = (Vec::with_capacity(asked.len()), Vec::new());
-        let at = self.measured(scene, time, increment);
+        let at = self.measured(scene, window);
         for measure in asked {
             let value = measure.evaluate(&at);
             if !value.is_finite() {
@@ -28,7 +29,7 @@ impl Run {
             measures.push((measure.name.clone(), value));
         }
         measures.extend(self.stepper.energies(scene));
-        let made = computed(scene, &at, time, &measures);
+        let made = computed(scene, &at, window.end, &measures);
         bad_measures.extend(made.iter().zip(&scene.computed).filter(|((_, value), _)| !value.is_finite()).map(
             |((name, value), of)| BadMeasure {
                 name: name.clone(),
@@ -44,8 +45,8 @@ impl Run {
     }
 
     /// The present state, as measures see it.
-    fn measured<'s>(&'s self, scene: &'s Solving<'_>, time: f64, increment: f64) -> Measured<'s> {
-        let at = Measured::new(scene.system, time, increment, &self.u);
+    fn measured<'s>(&'s self, scene: &'s Solving<'_>, window: Window) -> Measured<'s> {
+        let at = Measured::new(scene.system, window, &self.u);
         let is_start = self.steps.is_empty() && scene.steps.from_start;
         if is_start { at.where_time_starts() } else { at }
     }
@@ -57,19 +58,19 @@ impl Run {
 
     /// What the scene says that the increment behind the present state is at most, infinite where it says nothing; and the
     /// sides of its events.
-    pub(super) fn watched(&self, scene: &Solving<'_>, time: f64, increment: f64) -> (f64, Vec<Sides>) {
+    pub(super) fn watched(&self, scene: &Solving<'_>, window: Window) -> (f64, Vec<Sides>) {
         let limit = scene.steps.auto.as_ref().and_then(|auto| auto.limit.clone());
         if limit.is_none() && scene.events.is_empty() {
             return (f64::INFINITY, Vec::new());
         }
         let Scene { watched, measures, .. } = scene.scene;
         let mut values: Vec<(String, f64)> = Vec::new();
-        let at = self.measured(scene, time, increment);
+        let at = self.measured(scene, window);
         for measure in watched.iter().chain(measures) {
             values.push((measure.name.clone(), measure.evaluate(&at)));
         }
-        values.extend(computed(scene, &at, time, &values));
-        values.extend(scene.steps.variable.clone().map(|name| (name, time)));
+        values.extend(computed(scene, &at, window.end, &values));
+        values.extend(scene.steps.variable.clone().map(|name| (name, window.end)));
         // a quotient by zero has no number: a slip rate of zero counts as the smallest one, behind which the increment is free
         let least = |v: f64| if v == 0.0 { f64::MIN_POSITIVE } else { v };
         let moving = || values.iter().map(|(name, v)| (name.clone(), least(*v))).collect::<Vec<_>>();
@@ -93,26 +94,28 @@ impl Run {
                 return Vec::new();
             }
             // a row begins with the arc length, which points have none of
-            let rows = output.line.rows(&system.mesh, step.time, step.increment, values, |_, _, _| {});
-            rows.into_iter().map(|row| std::iter::once(step.time).chain(row.into_iter().skip(1)).collect()).collect()
+            let rows = output.line.rows(&system.mesh, step.window, values, |_, _, _| {});
+            rows.into_iter()
+                .map(|row| std::iter::once(step.window.end).chain(row.into_iter().skip(1)).collect())
+                .collect()
         };
         series.iter().map(rows).collect()
     }
 
     /// What terms print at their points.
-    pub(super) fn print(&mut self, scene: &Solving<'_>, time: f64, increment: f64, progress: &mut dyn Progress) {
+    pub(super) fn print(&mut self, scene: &Solving<'_>, window: Window, progress: &mut dyn Progress) {
         let Solving { system, scene: Scene { prints, .. }, .. } = scene;
         let u = &self.u;
         let mut bad_prints = Vec::new();
         for print in prints {
             let (term, origin) = (print.term.clone(), print.origin);
             let mut bad = None;
-            print.for_each(system, time, increment, u, |x, value| {
+            print.for_each(system, window, u, |x, value| {
                 bad = bad.or_else(|| value.iter().find(|v| !v.is_finite()).map(|v| (*v, x)));
                 progress.printed(&term, origin, x, value);
             });
             if let Some((value, position)) = bad {
-                bad_prints.push(BadOutput { what: format!("`Print` in `{term}`"), time, value, position });
+                bad_prints.push(BadOutput { what: format!("`Print` in `{term}`"), time: window.end, value, position });
             }
         }
         bad_prints.into_iter().for_each(|bad| self.add_bad(bad));

@@ -12,6 +12,7 @@ use crate::{
     scene::{Explicit, Solving, node_positions},
     solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions, Symmetry},
     system::{Branches, FIXED, Form, System, SystemError},
+    window::Window,
 };
 use wfl_compiler::types::RateForm;
 
@@ -24,13 +25,6 @@ pub(crate) enum As {
     Transposed,
 }
 
-/// The step variable and its increment.
-#[derive(Clone, Copy)]
-pub(super) struct StepTime {
-    pub(super) time: f64,
-    pub(super) increment: f64,
-}
-
 /// One-sided differences of five values of equal distance, times 12 and the distance: the first derivative.
 const FIRST: [f64; 5] = [-25.0, 48.0, -36.0, 16.0, -3.0];
 /// The same times 12 and the square of the distance: the second derivative.
@@ -39,15 +33,15 @@ const SECOND: [f64; 5] = [35.0, -104.0, 114.0, -56.0, 11.0];
 /// them is left in double precision.
 const WEIGHT: i32 = 40;
 
-/// Begins the rates of a step; gives the time at which its equations stand.
-pub(super) fn enter(scene: &mut Solving<'_>, at: StepTime) -> StepTime {
+/// Begins the rates of a step; gives it with the stage at which its equations stand.
+pub(super) fn enter(scene: &mut Solving<'_>, window: Window) -> Window {
     if let Some(rates) = scene.system.rates_mut() {
         // steps that another run has chosen have its orders
-        let given = scene.scene.steps.orders.iter().find(|(value, _)| value.to_bits() == at.time.to_bits());
+        let given = scene.scene.steps.orders.iter().find(|(value, _)| value.to_bits() == window.end.to_bits());
         given.iter().for_each(|(_, order)| rates.take_order(*order));
     }
-    scene.system.begin_rates(at.increment);
-    StepTime { time: at.time - offset(scene) * at.increment, ..at }
+    scene.system.begin_rates(window.increment);
+    window.with_offset(offset(scene))
 }
 
 /// How far before its end the equations of a step stand, as a part of it.
@@ -57,17 +51,16 @@ pub(super) fn offset(scene: &Solving<'_>) -> f64 {
 
 /// Writes the prescribed values of a step into `u`, which holds the state at its start. Where the equations stand within
 /// the step, fields with rates are prescribed so that they have their values at its end.
-pub(super) fn prescribe(scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) -> Result<(), BadGiven> {
-    let StepTime { time, increment } = at;
+pub(super) fn prescribe(scene: &mut Solving<'_>, window: Window, u: &mut [f64]) -> Result<(), BadGiven> {
     let offset = offset(scene);
     if offset == 0.0 {
-        let applied = scene.prescribed.apply(time, increment, u);
+        let applied = scene.prescribed.apply(window, u);
         return agreed(scene.system, applied, u);
     }
     let before = u.to_vec();
     let mut end = before.clone();
-    scene.prescribed.apply(time, increment, &mut end)?;
-    scene.prescribed.apply(time - offset * increment, increment, u)?;
+    scene.prescribed.apply(window.at_end(), &mut end)?;
+    scene.prescribed.apply(window, u)?;
     for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
         for d in of.dofs.clone() {
             u[d] = end[d] + offset * (before[d] - end[d]);
@@ -89,18 +82,18 @@ fn agreed(system: &System, applied: Result<(), BadGiven>, u: &mut [f64]) -> Resu
 }
 
 /// The state at the end of a step whose equations were solved: `u` moves there from where they stand.
-pub(super) fn leave(scene: &mut Solving<'_>, at: StepTime, u: &mut [f64]) -> Result<(), SystemError> {
+pub(super) fn leave(scene: &mut Solving<'_>, window: Window, u: &mut [f64]) -> Result<(), SystemError> {
     if offset(scene) == 0.0 {
         return Ok(());
     }
     if let Some((rates, past)) = scene.system.rates_and_past() {
         rates.finish(u, &past.unknowns);
     }
-    scene.set_data(at.time, at.increment)
+    scene.set_data(window.at_end())
 }
 
-/// The rates where time starts, at the state `u` and the first increment `at`.
-pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<(), NewtonError> {
+/// The rates where time starts, at the state `u`, with the increment of the first step.
+pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<(), NewtonError> {
     let most = scene.system.rates().map_or(0, |rates| rates.scheme().most_order(RateForm::First));
     let of_a_list = scene.steps.are_listed();
     let begins_with_rates = most > 2 && of_a_list;
@@ -111,7 +104,7 @@ pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<
     let mut first = vec![0.0; u.len()];
     for (field, value) in &scene.scene.start_rates {
         let positions = node_positions(scene.system, *field);
-        let values = value.at(&positions, at.time, 0.0).map_err(given)?;
+        let values = value.at(&positions, Window::instant(at.end)).map_err(given)?;
         if let Some(start) = scene.system.numbering.starts[*field] {
             first[start..start + values.len()].copy_from_slice(&values);
         }
@@ -155,14 +148,14 @@ fn keep(scene: &mut Solving<'_>, first: &[f64], second: &[f64]) {
 
 /// First and second derivatives of the prescribed values in the step variable, by dof; zero where nothing is prescribed.
 /// Five values within the first step give them with an error of the fourth and third power of the increment.
-fn prescribed_rates(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<[Vec<f64>; 2], BadGiven> {
+fn prescribed_rates(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<[Vec<f64>; 2], BadGiven> {
     let distance = 0.25 * at.increment;
     let (mut first, mut second) = (vec![0.0; u.len()], vec![0.0; u.len()]);
     let mut here = u.to_vec();
-    scene.prescribed.apply(at.time, distance, &mut here)?;
+    scene.prescribed.apply(Window::new(at.end, distance), &mut here)?;
     for (k, (a, b)) in (0u32..).zip(FIRST.iter().zip(&SECOND)).skip(1) {
         let mut there = u.to_vec();
-        scene.prescribed.apply(at.time + f64::from(k) * distance, distance, &mut there)?;
+        scene.prescribed.apply(Window::new(at.end + f64::from(k) * distance, distance), &mut there)?;
         for (d, (x, y)) in there.iter().zip(&here).enumerate() {
             first[d] += a * (x - y) / (12.0 * distance);
             second[d] += b * (x - y) / (12.0 * distance * distance);
@@ -171,12 +164,13 @@ fn prescribed_rates(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<
     Ok([first, second])
 }
 
-/// What rates of prescribed values are made of where time starts: by value how long after the start, its factors in the first
-/// and in the second rate, and the increment that its formula sees.
-pub(crate) fn prescribed_differences(increment: f64) -> Vec<(f64, f64, f64, f64)> {
-    let distance = 0.25 * increment;
+/// What rates of prescribed values are made of where time starts, which `at` ends with the increment of the first step: by
+/// value the step that its formula sees, and its factors in the first and in the second rate.
+pub(crate) fn prescribed_differences(at: Window) -> Vec<(Window, f64, f64)> {
+    let distance = 0.25 * at.increment;
     let of = |k: u32, a: f64, b: f64| {
-        (f64::from(k) * distance, a / (12.0 * distance), b / (12.0 * distance * distance), distance)
+        let window = Window::new(at.end + f64::from(k) * distance, distance);
+        (window, a / (12.0 * distance), b / (12.0 * distance * distance))
     };
     (0u32..).zip(FIRST.iter().zip(&SECOND)).map(|(k, (a, b))| of(k, *a, *b)).collect()
 }
@@ -186,7 +180,7 @@ pub(crate) fn prescribed_differences(increment: f64) -> Vec<(f64, f64, f64, f64)
 fn highest(
     scene: &mut Solving<'_>,
     u: &[f64],
-    at: StepTime,
+    at: Window,
     known: [&[f64]; 2],
 ) -> Result<(Vec<f64>, bool), NewtonError> {
     let mut rhs = Vec::new();
@@ -241,15 +235,14 @@ impl Mass {
     }
 }
 
-/// The same at the state `u` and the first increment behind `at`, its step variable.
-pub(crate) fn mass_at_start(scene: &mut Solving<'_>, u: &[f64], at: (f64, f64)) -> Result<Mass, NewtonError> {
-    let at = StepTime { time: at.0, increment: at.1 };
+/// The same at the state `u` where time starts, which `at` ends with the increment of the first step.
+pub(crate) fn mass_at_start(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<Mass, NewtonError> {
     let held = tangent(scene, u, at)?;
     mass(scene, u, at, &held)
 }
 
 /// From the tangent at rates that are held.
-fn mass(scene: &mut Solving<'_>, u: &[f64], at: StepTime, held: &Csr) -> Result<Mass, NewtonError> {
+fn mass(scene: &mut Solving<'_>, u: &[f64], at: Window, held: &Csr) -> Result<Mass, NewtonError> {
     #[expect(clippy::cast_possible_truncation, reason = "an exponent")]
     let exponent = WEIGHT - at.increment.abs().log2().floor() as i32;
     let (weight, root) = (2.0f64.powi(2 * exponent), 2.0f64.powi(exponent));
@@ -282,12 +275,12 @@ fn highest_by_diagonal(
     scene: &mut Solving<'_>,
     explicit: &Explicit,
     u: &[f64],
-    at: StepTime,
+    at: Window,
     known: [&[f64]; 2],
 ) -> Result<Vec<f64>, NewtonError> {
     let [first, second] = known;
     keep(scene, first, &vec![0.0; u.len()]);
-    scene.system.set_laws(at.time, at.increment);
+    scene.system.set_laws(at);
     let (residual, _) = scene.system.residual_at_points(u)?;
     let numbering = &scene.system.numbering;
     let mut out = second.to_vec();
@@ -302,9 +295,9 @@ fn highest_by_diagonal(
 }
 
 /// The whole tangent over the free unknowns at the present rates.
-fn tangent(scene: &mut Solving<'_>, u: &[f64], at: StepTime) -> Result<Csr, NewtonError> {
-    scene.system.begin_step(at.time, at.increment)?;
-    scene.contact.begin_step(scene.system.step_at(at.time, at.increment));
+fn tangent(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<Csr, NewtonError> {
+    scene.system.begin_step(at)?;
+    scene.contact.begin_step(scene.system.step());
     let mut changing = scene.system.new_tangent();
     scene.system.tangent(u, Branches::AsWritten, &mut changing)?;
     let own = scene.system.bulk().plus(&changing.changing).map_err(SystemError::from)?;

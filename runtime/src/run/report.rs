@@ -113,7 +113,7 @@ fn step_report(step: &StepResult) -> StepReport {
         measures.insert(name.clone(), Real(*value));
     }
     StepReport {
-        t: Real(step.time),
+        t: Real(step.window.end),
         converged: history.converged(),
         stop: match history.stop {
             Some(Stop::Tolerance) => output::Stop::Tolerance,

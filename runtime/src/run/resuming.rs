@@ -2,10 +2,7 @@
 
 use std::path::Path as FilePath;
 
-use super::{
-    CHECKPOINT_FILE, CheckpointError, Progress, Run, RunError, RunOptions, checkpoint, files::Files, folder,
-    rates::StepTime,
-};
+use super::{CHECKPOINT_FILE, CheckpointError, Progress, Run, RunError, RunOptions, checkpoint, files::Files, folder};
 use crate::{
     newton::NewtonError,
     output::{Identity, OutputDir},
@@ -60,10 +57,9 @@ impl Run {
         if scene.steps.listed().is_some_and(|n| found.steps.len() > n) {
             return Err(misfit().into());
         }
-        let wrap = |error: NewtonError| RunError::Newton { step: found.steps.len() - 1, time: last.time, error };
+        let wrap = |error: NewtonError| RunError::Newton { step: found.steps.len() - 1, time: last.window.end, error };
         self.clock = found.clock;
-        let at = StepTime { time: last.time, increment: last.increment };
-        if !self.set_state(scene, found.state, at, progress).map_err(wrap)? {
+        if !self.set_state(scene, found.state, last.window, progress).map_err(wrap)? {
             return Err(misfit().into());
         }
         (self.steps, self.log) = (found.steps, found.log);

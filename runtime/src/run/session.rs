@@ -7,9 +7,8 @@
 use rayon::ThreadPool;
 
 use super::{
-    Asked, Outcome, Progress, Run, RunError, RunOptions, RunState, STACK, StepError, StepResult, Trajectory, folder,
-    leg::Leg,
-    rates::{self, StepTime},
+    Outcome, Progress, Run, RunError, RunOptions, RunState, STACK, StepResult, Trajectory, folder, rates,
+    requests::{self, StepRequest},
     stepping,
     watched::Watched,
 };
@@ -20,6 +19,7 @@ use crate::{
     output::Hash,
     scene::{Equations, Scene},
     system::{Branches, Form},
+    window::Window,
 };
 
 /// A run between two steps. The scene is handed to every call: always the one that the session was made with.
@@ -28,8 +28,8 @@ pub struct Session {
     equations: Equations,
     options: RunOptions,
     pool: Option<ThreadPool>,
-    /// The step that [`Self::begin`] has prepared: the step variable and its increment.
-    begun: Option<(f64, f64)>,
+    /// The step that [`Self::begin`] has prepared.
+    begun: Option<Window>,
 }
 
 /// Where a session has stood: [`Session::go_back`] returns there.
@@ -119,7 +119,7 @@ impl Session {
     /// known.
     #[must_use]
     pub fn next_value(&self, scene: &Scene) -> Option<f64> {
-        self.run.next_asked(scene).filter(|asked| asked.count.is_some()).map(|asked| asked.leg.to)
+        self.run.next_request(scene).filter(|next| next.count.is_some()).map(|next| next.window.end)
     }
 
     /// Solves the next step that the scene lists. `None` where none is left, or after one that did not converge unless
@@ -129,8 +129,8 @@ impl Session {
     /// [`RunError`]; a step that does not converge is no error.
     pub fn step(&mut self, scene: &Scene, progress: &mut dyn Progress) -> Result<Option<&StepResult>, RunError> {
         let failed = self.run.steps.last().is_some_and(|s| !s.history.converged());
-        match self.run.next_asked(scene) {
-            Some(asked) if !failed || scene.steps.go_on => self.solve(scene, asked, progress).map(Some),
+        match self.run.next_request(scene) {
+            Some(request) if !failed || scene.steps.go_on => self.solve(scene, request, progress).map(Some),
             _ => Ok(None),
         }
     }
@@ -141,25 +141,29 @@ impl Session {
     /// # Errors
     /// [`RunError`]; a step that does not converge is no error.
     pub fn step_to(&mut self, scene: &Scene, time: f64, progress: &mut dyn Progress) -> Result<&StepResult, RunError> {
-        let number = self.run.steps.len();
-        let first_increment = self.first_increment(scene, time);
-        let leg = Leg { from: self.last_value(), to: time, first_increment, told: None };
-        self.solve(scene, Asked { number, count: Some(number + 1), leg }, progress)
+        self.solve(scene, self.request(scene, time), progress)
     }
 
-    fn solve(&mut self, scene: &Scene, asked: Asked, progress: &mut dyn Progress) -> Result<&StepResult, RunError> {
+    /// The next step to a value of the step variable that the caller chooses.
+    fn request(&self, scene: &Scene, time: f64) -> StepRequest {
+        let (number, from) = (self.run.steps.len(), self.run.last_value());
+        let window = requests::between(from, time, self.first_increment(scene, time));
+        StepRequest { number, count: Some(number + 1), from, window, limit: f64::INFINITY }
+    }
+
+    fn solve(
+        &mut self,
+        scene: &Scene,
+        request: StepRequest,
+        progress: &mut dyn Progress,
+    ) -> Result<&StepResult, RunError> {
         self.begun = None;
         let Self { run, equations, options, pool, .. } = self;
         let solving = &mut scene.solving(equations);
-        let step = on(pool.as_ref(), || run.step(solving, asked, progress))?;
+        let step = on(pool.as_ref(), || run.step(solving, request, progress))?;
         progress.step_done(&step);
         run.add(step, solving, options);
         Ok(run.steps.last().expect("added above"))
-    }
-
-    /// The value of the step variable of the last step.
-    fn last_value(&self) -> Option<f64> {
-        self.run.steps.last().map(|s| s.time)
     }
 
     /// The increment that the first step counts as: that of the scene, or for values that the caller chooses, of the first
@@ -168,8 +172,8 @@ impl Session {
         let steps = &self.run.steps;
         match (scene.steps.values.len() > 1, steps.first(), steps.get(1)) {
             (true, ..) | (false, None, _) => scene.steps.first_increment(),
-            (false, Some(first), None) => time - first.time,
-            (false, Some(first), Some(second)) => second.time - first.time,
+            (false, Some(first), None) => time - first.window.end,
+            (false, Some(first), Some(second)) => second.window.end - first.window.end,
         }
     }
 
@@ -184,23 +188,20 @@ impl Session {
         if scene.explicit.is_some() {
             return Err(RunError::NoEquations);
         }
-        let first_increment = self.first_increment(scene, time);
-        let leg = Leg { from: self.last_value(), to: time, first_increment, told: None };
-        let increment = leg.from.map_or(leg.first_increment, |from| leg.increment(from));
-        let number = self.run.steps.len();
+        let request = self.request(scene, time);
+        let StepRequest { number, window, .. } = request;
         let given = number == 0 && scene.steps.from_start;
         let Self { run, equations, pool, .. } = self;
         let solving = &mut scene.solving(equations);
         let begun = on(pool.as_ref(), || {
-            stepping::begin(solving, leg, &run.u)?;
-            let at = StepTime { time, increment };
+            stepping::begin(solving, request, &run.u)?;
             if given {
-                rates::start(solving, &run.u, at)?;
+                rates::start(solving, &run.u, window)?;
             }
-            let stands = if given { at } else { rates::enter(solving, at) };
-            solving.set_data(stands.time, increment)?;
-            let changed = solving.system.begin_step(stands.time, increment)?;
-            solving.contact.begin_step(solving.system.step_at(stands.time, increment));
+            let window = if given { window } else { rates::enter(solving, window) };
+            solving.set_data(window)?;
+            let changed = solving.system.begin_step(window)?;
+            solving.contact.begin_step(solving.system.step());
             if changed {
                 // a factor of the matrix before serves no step that is solved later
                 run.stepper.solver = None;
@@ -209,10 +210,10 @@ impl Session {
                 return Ok(());
             }
             let bad = |bad| NewtonError::Given(Box::new(bad));
-            rates::prescribe(solving, at, &mut run.u).map_err(bad)
+            rates::prescribe(solving, window, &mut run.u).map_err(bad)
         });
         begun.map_err(|error| RunError::Newton { step: number, time, error })?;
-        self.begun = Some((time, increment));
+        self.begun = Some(window);
         Ok(&self.run.u)
     }
 
@@ -278,7 +279,8 @@ impl Session {
     /// # Panics
     /// If no step was begun, or `u` has not as many numbers as there are unknowns.
     pub fn accept(&mut self, scene: &Scene, u: &[f64], progress: &mut dyn Progress) -> Result<&StepResult, RunError> {
-        let (time, increment) = self.begun.take().expect("a step was begun");
+        let window = self.begun.take().expect("a step was begun");
+        let time = window.end;
         let number = self.run.steps.len();
         let Self { run, equations, options, pool, .. } = self;
         let solving = &mut scene.solving(equations);
@@ -286,17 +288,12 @@ impl Session {
         finite.map_err(|error| RunError::Newton { step: number, time, error: error.into() })?;
         run.u.copy_from_slice(u);
         let step = on(pool.as_ref(), || {
-            let next = run.stepper.keep_states(solving, StepTime { time, increment }, &run.u);
-            next.map_err(|error| match error {
-                StepError::Newton(error) => RunError::Newton { step: number, time, error },
-                StepError::State { state, value, position } => {
-                    RunError::State { step: number, time, state, value, position }
-                }
-            })?;
+            let next = run.stepper.keep_states(solving, window, &run.u);
+            next.map_err(|error| RunError::of_step(error, number, time))?;
             // the active set is that of another state: a step that is solved next chooses its own
             solving.contact.set_warm(false);
             let (history, branches) = (StepHistory::given(), run.branches(solving));
-            let step = StepResult { time, increment, history, branches, ..StepResult::default() };
+            let step = StepResult { window, history, branches, ..StepResult::default() };
             run.ended(solving, step, progress)
         })?;
         progress.step_done(&step);
@@ -334,9 +331,9 @@ impl Session {
         let (n, state) = (to.steps.len(), (*to.state).clone());
         let fits = match to.steps.last() {
             Some(last) => {
-                let (time, at) = (last.time, StepTime { time: last.time, increment: last.increment });
-                let fits = on(self.pool.as_ref(), || run.set_state(solving, state, at, progress));
-                fits.map_err(|error| RunError::Newton { step: n - 1, time, error })?
+                let window = last.window;
+                let fits = on(self.pool.as_ref(), || run.set_state(solving, state, window, progress));
+                fits.map_err(|error| RunError::Newton { step: n - 1, time: window.end, error })?
             }
             // nothing was done yet: what the caller may have set are the unknowns
             None => {

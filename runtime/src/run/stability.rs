@@ -7,11 +7,11 @@
 use wfl::{Code, Diagnostic};
 use wfl_compiler::Class;
 
-use super::rates::StepTime;
 use crate::{
     assemble::BranchCounts,
     newton::NewtonError,
     scene::{Explicit, MOST_FRACTION, Solving},
+    window::Window,
 };
 
 /// Steps for each evaluation that a limit takes: what is spent on limits is a tenth of the steps.
@@ -52,7 +52,7 @@ impl Stability {
         scene: &mut Solving<'_>,
         explicit: &Explicit,
         u: &[f64],
-        at: StepTime,
+        window: Window,
         branches: &[BranchCounts],
     ) -> Result<(), NewtonError> {
         if self.found.is_some_and(Fallen::is_above) || scene.system.is_linear() {
@@ -67,12 +67,11 @@ impl Stability {
         if !is_due {
             return Ok(());
         }
-        let limit = scene
-            .system
-            .with_other_rates((at.time, at.increment), |system| explicit.lumped.longest_step(system, u, at.time))?;
+        let limit =
+            scene.system.with_other_rates(window, |system| explicit.lumped.longest_step(system, u, window.stage))?;
         (self.seen, self.looks) = (Some(branches.to_vec()), self.looks + 1);
         self.wait = STEPS_FOR_EACH * limit.evaluations;
-        let found = Fallen { time: at.time, limit: limit.step, share: at.increment.abs() / limit.step };
+        let found = Fallen { time: window.end, limit: limit.step, share: window.increment.abs() / limit.step };
         // steps that the scene itself asks for are near the limit of the start, and nothing has fallen
         let is_near = found.share > MOST_FRACTION && limit.step < explicit.limit.step && self.found.is_none();
         if found.is_above() || is_near {

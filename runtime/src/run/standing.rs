@@ -2,7 +2,7 @@
 
 use super::{
     Run,
-    rates::StepTime,
+    parts::Listed,
     state::{Changes, Snapshot, State, Sums},
     stepping::Stepper,
 };
@@ -10,6 +10,7 @@ use crate::{
     newton::{LinearSolver, NewtonError},
     run::Progress,
     scene::Solving,
+    window::Window,
 };
 
 impl Stepper {
@@ -20,7 +21,7 @@ impl Stepper {
         } else {
             Changes::All { memory: self.memory(scene), known: scene.system.known().clone() }
         };
-        Snapshot { u: u.to_vec(), changes, parts: [self.level, self.easy], sums: None }
+        Snapshot { u: u.to_vec(), changes, sums: None }
     }
 
     /// Keeps what was summed before the first part of a step that passes, in the snapshot of its start.
@@ -28,13 +29,7 @@ impl Stepper {
         start.sums.get_or_insert_with(|| Sums { balance: self.balance.clone(), friction: self.friction.clone() });
     }
 
-    /// Leaves nothing of a step that is ended from outside: it can be asked for again.
-    pub(super) fn end_at(&mut self, scene: &mut Solving<'_>, u: &mut [f64], start: &Snapshot) {
-        self.go_back(scene, u, start);
-        [self.level, self.easy] = start.parts;
-    }
-
-    /// Leaves nothing of what was attempted since, but how small the parts are that are tried next.
+    /// Leaves nothing of what was attempted since.
     pub(super) fn go_back(&mut self, scene: &mut Solving<'_>, u: &mut [f64], to: &Snapshot) {
         u.copy_from_slice(&to.u);
         if let Some(sums) = &to.sums {
@@ -59,21 +54,22 @@ impl Run {
     /// Where the run stands, made by all ranks together.
     pub(super) fn state(&self, scene: &Solving<'_>) -> State {
         let rates = scene.system.rates().zip(scene.system.past());
-        let stepper = &self.stepper;
+        let Self { stepper, integrators, .. } = self;
+        let Listed { level, easy } = integrators.listed;
         State {
             u: self.u.clone(),
             memory: stepper.memory_of_all(scene),
             rates: rates.map(|(rates, past)| rates.memory(&self.u, &past.unknowns)).unwrap_or_default(),
             solver: stepper.solver.as_ref().map(LinearSolver::memory).unwrap_or_default(),
-            level: stepper.level,
-            easy: stepper.easy,
-            adaptive: stepper.adaptive.clone(),
+            level,
+            easy,
+            adaptive: integrators.adaptive.clone(),
             balance: stepper.balance.as_ref().map(|balance| balance.of_all(scene.system.team())),
             friction: stepper.friction.as_ref().map(|friction| friction.memory.clone()),
         }
     }
 
-    /// Goes on from a state behind a step that ended at `at`: equations and stepper are new. False, and the run is of no
+    /// Goes on from a state behind this step: equations and stepper are new. False, and the run is of no
     /// use, if the state belongs to another scene.
     ///
     /// # Errors
@@ -82,7 +78,7 @@ impl Run {
         &mut self,
         scene: &mut Solving<'_>,
         state: State,
-        at: StepTime,
+        window: Window,
         progress: &mut dyn Progress,
     ) -> Result<bool, NewtonError> {
         let State { u, memory, rates, solver, level, easy, adaptive, mut balance, friction } = state;
@@ -93,7 +89,7 @@ impl Run {
             progress.solver(&explicit.describe(&scene.steps));
             true
         } else {
-            self.stepper.prepare(scene, at, &mut self.clock, progress)?;
+            self.stepper.prepare(scene, window, &mut self.clock, progress)?;
             let own = self.stepper.solver.as_mut().expect("prepared above");
             let fits = own.recall(&solver)?;
             own.starts_elsewhere();
@@ -103,6 +99,7 @@ impl Run {
         let fits = fits
             && self.stepper.recall_of_all(scene, &memory)
             && balance.is_some() == scene.energy.is_some()
+            && adaptive.is_some() == scene.steps.auto.is_some()
             && friction.is_some() == self.stepper.friction.is_some()
             && remembers;
         if !fits {
@@ -112,8 +109,8 @@ impl Run {
             own.memory = memory;
         }
         balance.iter_mut().for_each(|balance| balance.keep_own(scene.system));
-        (self.stepper.adaptive, self.stepper.balance) = (adaptive, balance);
-        (self.stepper.level, self.stepper.easy) = (level, easy);
+        self.stepper.balance = balance;
+        (self.integrators.adaptive, self.integrators.listed) = (adaptive, Listed { level, easy });
         self.u = u;
         Ok(true)
     }

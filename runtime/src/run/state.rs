@@ -16,8 +16,6 @@ use crate::{
 pub(super) struct Snapshot {
     pub(super) u: Vec<f64>,
     pub(super) changes: Changes,
-    /// As [`State::level`] and [`State::easy`].
-    pub(super) parts: [u32; 2],
     /// What was summed over the parts of earlier steps, once a part of this one has passed.
     pub(super) sums: Option<Sums>,
 }

@@ -12,12 +12,13 @@
 
 use std::{ops::Range, sync::Arc};
 
-use super::{RunOptions, RunState, rates::StepTime, watched::Watched};
+use super::{RunOptions, RunState, watched::Watched};
 use crate::{
     field::Field,
     newton::{StepHistory, Stop},
     rates::Rates,
     scene::Solving,
+    window::Window,
 };
 use wfl_compiler::types::FieldKind;
 
@@ -54,10 +55,8 @@ pub(super) struct Mark {
 /// A step, or a part of one, that has converged.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PassedStep {
-    /// The step variable at its end.
-    pub time: f64,
-    /// Its increment.
-    pub increment: f64,
+    /// When, with the stage at its end.
+    pub window: Window,
     /// All unknowns where its equations stand: at its end, for most schemes.
     pub u: Vec<f64>,
     /// All unknowns at its end, where its equations stand before it.
@@ -181,7 +180,7 @@ impl Trajectory {
     }
 
     /// Adds a step that has converged at `u`, before its states are renewed.
-    pub(super) fn add(&mut self, scene: &Solving<'_>, at: StepTime, u: &[f64], kind: Passed) {
+    pub(super) fn add(&mut self, scene: &Solving<'_>, window: Window, u: &[f64], kind: Passed) {
         let of = |(k, field): (usize, &Field)| match field.kind {
             FieldKind::State => scene.system.data()[k].clone(),
             _ => Vec::new(),
@@ -189,8 +188,7 @@ impl Trajectory {
         let states = scene.system.fields.iter().enumerate().map(of).collect();
         let (u, rates) = (u.to_vec(), scene.system.rates().map(Rates::as_begun));
         let (order, is_left_out) = (rates.as_ref().map(Rates::taken_order), false);
-        let (time, increment) = (at.time, at.increment);
-        let step = PassedStep { time, increment, u, end: None, states, rates, kind, order, is_left_out };
+        let step = PassedStep { window, u, end: None, states, rates, kind, order, is_left_out };
         self.held += step.bytes();
         self.behind += step.bytes();
         self.steps.push(Arc::new(step));

@@ -14,6 +14,7 @@ use super::{
     Builder, Energy, Scene,
     reactions::{Added, Held, Measured},
 };
+use crate::window::Window;
 
 /// Of what moved this part may be lost: Newton's tolerance leaves less.
 const LOST: f64 = 1e-8;
@@ -161,10 +162,7 @@ impl Builder<'_> {
 /// What is looked at of a step.
 #[derive(Clone, Copy)]
 pub(crate) struct Ended<'s> {
-    /// The step variable.
-    pub(crate) time: f64,
-    /// Its increment.
-    pub(crate) increment: f64,
+    pub(crate) window: Window,
     pub(crate) measures: &'s [(String, f64)],
     /// Of each balance; empty for a step that another process did, which has told it.
     pub(crate) moved: &'s [Turnover],
@@ -180,12 +178,12 @@ pub(crate) fn unbalanced<'s>(scene: &Scene, steps: impl Iterator<Item = Ended<'s
     let told = |name: &String| {
         let lost = format!("{name}_lost");
         let moved = |step: &Ended<'_>| step.moved.iter().find(|m| m.name == lost).map(|m| m.amount);
-        let all: f64 = steps.clone().filter_map(|step| Some(moved(&step)? * step.increment)).sum();
+        let all: f64 = steps.clone().filter_map(|step| Some(moved(&step)? * step.window.increment)).sum();
         let worst = steps.clone().filter_map(|step| {
             let moved = moved(&step)?;
             let lost = step.measures.iter().find(|m| m.0 == lost).map_or(0.0, |m| m.1);
-            let share = if has_rates { part(lost * step.increment, all) } else { part(lost, moved) };
-            (part(lost, moved) > step.floor).then_some((step.time, lost, share))
+            let share = if has_rates { part(lost * step.window.increment, all) } else { part(lost, moved) };
+            (part(lost, moved) > step.floor).then_some((step.window.end, lost, share))
         });
         let (time, lost, share) = worst.max_by(|a, b| a.2.total_cmp(&b.2))?;
         (share > LOST).then(|| {

@@ -14,6 +14,7 @@ use crate::{
     quadrature::{composite, facet_points},
     space::Support,
     value::Value,
+    window::Window,
 };
 use wfl_compiler::types::InputSlot;
 
@@ -36,21 +37,20 @@ impl Scene {
     /// What elements of degree `more` above those of its fields lose of prescribed values, and of first values where a step
     /// depends on those before; of known fields, their own elements. At the last step.
     #[must_use]
-    pub fn between_nodes(&self, step: (f64, f64), more: usize, with_starts: bool) -> Between {
-        let (time, increment) = step;
+    pub fn between_nodes(&self, window: Window, more: usize, with_starts: bool) -> Between {
         let mesh = &self.system.mesh;
         let mut out = Between { parts: vec![0.0; mesh.n_cells()], lost: 0.0 };
         for (field, facets, value) in self.prescribed.formulas() {
             let degree = self.system.fields[field].degree() + more;
-            out.add(mesh, &At::Facets(facets), &value.at_step((time, increment)), degree);
+            out.add(mesh, &At::Facets(facets), &value.at_step(window), degree);
         }
-        let given = self.data.iter().map(|(field, given)| (*field, given, 0, time));
+        let given = self.data.iter().map(|(field, given)| (*field, given, 0, window.stage));
         let first = self.steps.first();
         let starts = self.starts.iter().map(|(field, given)| (*field, given, more, first));
         for (field, given, more, time) in given.chain(starts.filter(|_| with_starts)) {
             let (field, Given::Formula(value, ..)) = (&self.system.fields[field], given) else { continue };
             let FieldSpace::Nodal(space) = &field.space else { continue };
-            let value = &value.at_step((time, increment));
+            let value = &value.at_step(Window { stage: time, ..window });
             let degree = field.degree() + more;
             match space.support() {
                 Support::Cells(cells) => out.add(mesh, &At::Cells(cells), value, degree),

@@ -36,6 +36,7 @@ use crate::{
     rates::Scheme,
     results::SampledPiece,
     system::{FrozenTerm, Known, Numbering, Past, PastForm, System},
+    window::Window,
 };
 
 /// Makes the problem of a script; `part` on one of several ranks that has a part of the mesh.
@@ -525,8 +526,8 @@ fn with_contact(
     let (frozen, contact): (Vec<FrozenTerm>, Vec<ContactTerm>) = contact.into_iter().unzip();
     system.add_frozen(frozen)?;
     let mut contact = Contact::new(contact);
-    system.set_laws(at, 1.0);
-    contact.begin_step(system.step_at(at, 1.0));
+    system.set_laws(Window::new(at, 1.0));
+    contact.begin_step(system.step());
     Ok((system, contact))
 }
 

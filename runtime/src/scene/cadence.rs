@@ -31,7 +31,8 @@ const PARTS: f64 = 100.0;
 /// Rounding of a quotient of values of the step variable, relative to it.
 const ROUNDING: f64 = 1e-9;
 
-/// A step as far as its number and the step variable go.
+/// A step among the others of a run: beside its end its number, where the one before has ended, and what lasts. How long it was
+/// in its last part, as a window says, files do not depend on.
 #[derive(Clone, Copy, Debug)]
 pub struct StepPlace<'e> {
     /// Counted from 0.

@@ -28,6 +28,7 @@ use crate::{
     space::{Space, Support},
     system::Numbering,
     value::Value,
+    window::Window,
 };
 
 pub(super) use contradictions::Contradiction;
@@ -101,9 +102,9 @@ impl Prescribed {
     ///
     /// # Errors
     /// [`BadGiven`] for a value that is not finite.
-    fn numbers(&self, time: f64, increment: f64) -> Result<Vec<Vec<f64>>, BadGiven> {
+    fn numbers(&self, window: Window) -> Result<Vec<Vec<f64>>, BadGiven> {
         let at = |fix: &Fix| {
-            let found = fix.value.at_step((time, increment)).at_positions(&fix.positions);
+            let found = fix.value.at_step(window).at_positions(&fix.positions);
             found.map_err(|at| BadGiven { what: fix.what.clone(), span: fix.span, at: Box::new(at) })
         };
         self.fixes.iter().map(at).collect()
@@ -113,8 +114,8 @@ impl Prescribed {
     ///
     /// # Errors
     /// [`BadGiven`] for a value that is not finite; `u` is then as it was.
-    pub fn apply(&self, time: f64, increment: f64, u: &mut [f64]) -> Result<(), BadGiven> {
-        let values = self.numbers(time, increment)?;
+    pub fn apply(&self, window: Window, u: &mut [f64]) -> Result<(), BadGiven> {
+        let values = self.numbers(window)?;
         self.write(&values, u);
         Ok(())
     }

@@ -28,6 +28,7 @@ use crate::{
     mesh::{FacetRef, NodeId, RegionSet},
     space::Support,
     system::{FIXED, Numbering},
+    window::Window,
 };
 
 /// Steps at which prescribed values are compared, the first and the last among them.
@@ -414,19 +415,23 @@ impl Builder<'_> {
     }
 }
 
-/// Times and increments at which prescribed values are compared.
-fn sampled(steps: &Steps) -> Vec<(f64, f64)> {
+/// The steps at which prescribed values are compared.
+fn sampled(steps: &Steps) -> Vec<Window> {
     if let Some(auto) = &steps.auto {
         #[expect(clippy::cast_precision_loss, reason = "a few values")]
         let at = |k: usize| k as f64 / (COMPARED_STEPS - 1) as f64;
         let time = |k: usize| (1.0 - at(k)) * steps.first() + at(k) * steps.last();
-        return (0..COMPARED_STEPS).map(|k| (time(k), auto.first)).collect();
+        return (0..COMPARED_STEPS).map(|k| Window::new(time(k), auto.first)).collect();
     }
     let values = &steps.values;
     let last = values.len().saturating_sub(1);
     let mut picked: Vec<usize> = (0..COMPARED_STEPS).map(|k| k * last / (COMPARED_STEPS - 1)).collect();
     picked.dedup();
-    picked.into_iter().filter(|k| *k < values.len()).map(|k| (values[k], steps.increment(k.max(1)))).collect()
+    picked
+        .into_iter()
+        .filter(|k| *k < values.len())
+        .map(|k| Window::new(values[k], steps.increment(k.max(1))))
+        .collect()
 }
 
 /// "`u(2)`", or "`p`" of a field of one component.

@@ -12,6 +12,7 @@ use crate::{
     contact::Contact,
     finite::BadGiven,
     system::{System, SystemError},
+    window::Window,
 };
 use wfl_compiler::Class;
 
@@ -26,8 +27,8 @@ pub struct Equations {
 
 impl fmt::Debug for Equations {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (time, increment) = self.system.step();
-        write!(f, "Equations(at {time} with the increment {increment}, {} dofs)", self.system.numbering.n_dofs)
+        let Window { stage, increment, .. } = self.system.step();
+        write!(f, "Equations(at {stage} with the increment {increment}, {} dofs)", self.system.numbering.n_dofs)
     }
 }
 
@@ -50,14 +51,14 @@ impl Deref for Solving<'_> {
 }
 
 impl Solving<'_> {
-    /// Brings the known fields to a value of the step variable.
+    /// Brings the known fields to a step.
     ///
     /// # Errors
     /// [`SystemError::Given`] for a value that is not finite.
-    pub(crate) fn set_data(&mut self, time: f64, increment: f64) -> Result<(), SystemError> {
+    pub(crate) fn set_data(&mut self, window: Window) -> Result<(), SystemError> {
         for (field, value) in &self.scene.data {
             let positions = node_positions(self.system, *field);
-            let values = agreed(self.system, value.at(&positions, time, increment));
+            let values = agreed(self.system, value.at(&positions, window));
             self.system.set_data(*field, values.map_err(Box::new)?);
         }
         Ok(())
@@ -76,10 +77,10 @@ impl Solving<'_> {
     pub(crate) fn start(&mut self) -> Result<Vec<f64>, BadGiven> {
         let system = &mut *self.system;
         let mut u = vec![0.0; system.numbering.n_dofs];
-        let time = self.scene.steps.first();
+        let first = Window::instant(self.scene.steps.first());
         for (field, value) in &self.scene.starts {
             let positions = node_positions(system, *field);
-            let values = agreed(system, value.at(&positions, time, 0.0))?;
+            let values = agreed(system, value.at(&positions, first))?;
             match system.numbering.starts[*field] {
                 Some(first) => u[first..first + values.len()].copy_from_slice(&values),
                 None => system.set_data(*field, values),
@@ -90,10 +91,10 @@ impl Solving<'_> {
     }
 
     /// Brings known fields and laws to a step; assembles nothing.
-    fn stand_at(&mut self, time: f64, increment: f64) -> Result<(), SystemError> {
-        self.set_data(time, increment)?;
-        self.system.set_laws(time, increment);
-        self.contact.begin_step(self.system.step_at(time, increment));
+    fn stand_at(&mut self, window: Window) -> Result<(), SystemError> {
+        self.set_data(window)?;
+        self.system.set_laws(window);
+        self.contact.begin_step(self.system.step());
         Ok(())
     }
 }
@@ -116,7 +117,7 @@ impl Scene {
     /// [`SystemError`] where a known field has no finite value.
     pub fn at_first_step(&self) -> Result<Equations, SystemError> {
         let mut equations = self.equations();
-        self.solving(&mut equations).stand_at(self.steps.first(), self.steps.first_increment())?;
+        self.solving(&mut equations).stand_at(self.steps.first_window())?;
         Ok(equations)
     }
 
@@ -125,7 +126,7 @@ impl Scene {
         let mut equations = self.equations();
         let mut solving = self.solving(&mut equations);
         let u = solving.start().map_err(Box::new)?;
-        solving.stand_at(self.steps.first(), self.steps.first_increment())?;
+        solving.stand_at(self.steps.first_window())?;
         equations.system.end_step(&u);
         Ok((equations, u))
     }
@@ -153,8 +154,8 @@ impl Scene {
             if ruled.is_empty() {
                 break;
             }
-            self.solving(&mut equations)
-                .stand_at(values.get(at).copied().unwrap_or(0.0), self.steps.first_increment())?;
+            let time = values.get(at).copied().unwrap_or(0.0);
+            self.solving(&mut equations).stand_at(Window::new(time, self.steps.first_increment()))?;
             found.extend(checks::coarse_loads(&equations.system, &ruled));
             ruled.retain(|(term, _)| found.iter().all(|f| f.term != *term));
         }
@@ -197,7 +198,7 @@ impl Scene {
         }
         let mut equations = self.equations();
         // where a known field is not finite, the run itself says which
-        match self.solving(&mut equations).stand_at(values.last().copied().unwrap_or(0.0), increment) {
+        match self.solving(&mut equations).stand_at(Window::new(self.steps.last(), increment)) {
             Ok(()) => consistency::contact_forms(&equations.system, &equations.contact),
             Err(_) => Vec::new(),
         }

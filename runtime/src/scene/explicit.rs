@@ -155,16 +155,16 @@ fn given_by_the_caller(scene: &Scene) -> Option<String> {
 
 /// Mass and limit at the state where time starts.
 fn at_start(scene: &Scene) -> Result<(Lumped, StepLimit), Unlumped> {
-    let (time, increment) = (scene.steps.first(), scene.steps.first_increment());
+    let first = scene.steps.first_window();
     let mut equations = scene.equations();
     let mut solving = scene.solving(&mut equations);
-    solving.set_data(time, increment)?;
+    solving.set_data(first)?;
     let mut u = solving.start().map_err(Box::new)?;
-    scene.prescribed.apply(time, increment, &mut u).map_err(Box::new)?;
+    scene.prescribed.apply(first, &mut u).map_err(Box::new)?;
     let system = solving.system;
     system.end_step(&u);
-    let lumped = Lumped::of(system, &u, time)?;
-    let limit = lumped.longest_step(system, &u, time)?;
+    let lumped = Lumped::of(system, &u, first.stage)?;
+    let limit = lumped.longest_step(system, &u, first.stage)?;
     Ok((lumped, limit))
 }
 

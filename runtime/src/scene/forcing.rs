@@ -18,6 +18,7 @@ use super::{Builder, Steps, mesh::position_place};
 use crate::{
     mesh::{Mesh, RegionSet},
     value::Value,
+    window::Window,
 };
 
 /// Parts of the range of the step variable that each formula is looked at in.
@@ -248,7 +249,7 @@ struct Formula {
 
 /// The numbers of a value at points; not numbers where one of them is none.
 fn numbers(value: &Value, points: &[[f64; 3]], time: f64) -> Vec<f64> {
-    let value = value.at_step((time, 0.0));
+    let value = value.at_step(Window::instant(time));
     let points = if value.law.inputs.is_empty() { &points[..1] } else { points };
     let n = points.len() * value.n_components();
     value.at_positions(points).unwrap_or_else(|_| vec![f64::NAN; n])

@@ -13,6 +13,7 @@ use wfl::Span;
 use crate::{
     finite::{BadGiven, NotFinite},
     value::Value,
+    window::Window,
 };
 
 /// Values at the nodes of a field.
@@ -30,14 +31,14 @@ impl Given {
     ///
     /// # Errors
     /// [`BadGiven`] for a value that is not finite.
-    pub fn at(&self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
+    pub fn at(&self, positions: &[[f64; 3]], window: Window) -> Result<Vec<f64>, BadGiven> {
         match self {
             Given::Formula(value, what, span) => {
-                let found = value.at_step((time, increment)).at_positions(positions);
+                let found = value.at_step(window).at_positions(positions);
                 found.map_err(|at| BadGiven { what: what.clone(), span: *span, at: Box::new(at) })
             }
             Given::Values(values) => Ok(values.clone()),
-            Given::Caller(caller) => caller.at(positions, time, increment),
+            Given::Caller(caller) => caller.at(positions, window),
         }
     }
 }
@@ -51,10 +52,10 @@ impl Given {
     }
 }
 
-/// Gives the values of a field at a step: `f(positions, step variable, increment)` with the positions of its nodes
+/// Gives the values of a field at a step: `f(positions, step)` with the positions of its nodes
 /// (length; unused coordinates zero) returns `values[node * n_components + component]`; `None` where it failed, which the
 /// caller of the runtime knows.
-pub type Source = Box<dyn FnMut(&[[f64; 3]], f64, f64) -> Option<Vec<f64>> + Send + Sync>;
+pub type Source = Box<dyn FnMut(&[[f64; 3]], Window) -> Option<Vec<f64>> + Send + Sync>;
 
 /// A source, and what it said last, with the step variable and the increment that it was asked for.
 struct Asked {
@@ -73,7 +74,7 @@ pub struct CallerValues {
 impl CallerValues {
     /// Zeros at `n_dofs` dofs until the caller gives a source.
     pub(super) fn nothing(name: &str, n_dofs: usize, span: Span) -> Self {
-        Self::new(name, n_dofs, span, Box::new(move |_, _, _| Some(vec![0.0; n_dofs])))
+        Self::new(name, n_dofs, span, Box::new(move |_, _| Some(vec![0.0; n_dofs])))
     }
 
     pub(super) fn new(name: &str, n_dofs: usize, span: Span, source: Source) -> Self {
@@ -95,8 +96,8 @@ impl CallerValues {
     }
 
     /// The values at a step.
-    pub(super) fn at(&self, positions: &[[f64; 3]], time: f64, increment: f64) -> Result<Vec<f64>, BadGiven> {
-        let step = [time, increment].map(f64::to_bits);
+    pub(super) fn at(&self, positions: &[[f64; 3]], window: Window) -> Result<Vec<f64>, BadGiven> {
+        let step = [window.stage, window.increment].map(f64::to_bits);
         let mut asked = self.asked();
         if let Some((known, values)) = &asked.last
             && *known == step
@@ -108,7 +109,7 @@ impl CallerValues {
             span: self.span,
             at: Box::new(NotFinite { value, cause: None, position }),
         };
-        let values = (asked.source)(positions, time, increment).filter(|v| v.len() == self.n_dofs);
+        let values = (asked.source)(positions, window).filter(|v| v.len() == self.n_dofs);
         let Some(values) = values else { return Err(bad(f64::NAN, [0.0; 3])) };
         if let Some(at) = values.iter().position(|v| !v.is_finite()) {
             let n_components = (self.n_dofs / positions.len().max(1)).max(1);

@@ -73,7 +73,7 @@ impl Scene {
             let kernel = backend.compile(&[&law.residual]).map_err(|e| e.to_string())?.swap_remove(0);
             let (integrator, place) = (Integrator { domain, binding: Arc::new(binding) }, facet_support(&home.set));
             let mut term = AssembledTerm::new(law, integrator, place, kernel, None, &system.numbering.starts);
-            term.set_step(at.system.step_at(at.time, at.increment));
+            term.set_step(at.system.with_present_rates(at.window));
             let values = at.system.values(at.unknowns);
             term.add_residual(&system.mesh, values.view(), &mut out).map_err(|e| e.to_string())?;
         }
@@ -143,7 +143,7 @@ impl Scene {
                 _ => self.points(&home, law.degree.rule(), integrand)?,
             };
             let value = Value::new(law, backend).map_err(|e| e.to_string())?;
-            let value = value.at_step(at.system.step_at(at.time, at.increment));
+            let value = value.at_step(at.system.with_present_rates(at.window));
             let sampled = value.bind(&system.mesh, domain.clone(), &system.fields).map_err(|e| e.to_string())?;
             let values = at.system.values(at.unknowns);
             value.for_each_point(&system.mesh, &sampled, values.view(), |g, entity, _, weight, v| {

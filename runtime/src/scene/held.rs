@@ -13,6 +13,7 @@ use crate::{
     point_space::PointSpace,
     system::{FrozenTerm, Numbering, System},
     value::{Sampled, Value},
+    window::Window,
 };
 
 /// A `Print` of a term.
@@ -27,8 +28,8 @@ pub struct Printed {
 
 impl Printed {
     /// Calls `f(position, value)` at each point of the term, at the state and step given.
-    pub fn for_each(&self, system: &System, time: f64, increment: f64, u: &[f64], mut f: impl FnMut([f64; 3], &[f64])) {
-        let printed = self.value.at_step(system.step_at(time, increment));
+    pub fn for_each(&self, system: &System, window: Window, u: &[f64], mut f: impl FnMut([f64; 3], &[f64])) {
+        let printed = self.value.at_step(system.with_present_rates(window));
         let state = system.values(u);
         let values = state.view();
         let sampled = self.sampled.at(&system.mesh, values.current);

@@ -15,12 +15,12 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, region: &Ident)
         let near = nearest(&region.name, scene.regions.keys().map(String::as_str));
         return Err(d.did_you_mean(region.span, near).into());
     };
-    let (time, increment) = (scene.steps.first(), scene.steps.first_increment());
+    let first = scene.steps.first_window();
     let given =
         |error| Diagnostic::new(Code::E452, format!("the mass cannot be computed: {error}")).at(region.span, "");
     let mut equations = scene.equations();
-    scene.solving(&mut equations).set_data(time, increment).map_err(|e| given(e.to_string()))?;
-    equations.system.set_laws(time, increment);
+    scene.solving(&mut equations).set_data(first).map_err(|e| given(e.to_string()))?;
+    equations.system.set_laws(first);
     let mesh = &scene.system.mesh;
     let found = redistribution(&mut equations.system, &|field| field.nodes_in(mesh, &scene.topology, &set));
     let made = found.map_err(|why| Box::new(unmovable(scene, script, region, why)))?;

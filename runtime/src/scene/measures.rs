@@ -347,7 +347,7 @@ impl Measure {
 
 /// Values at points as one number.
 fn reduced(reduction: Reduction, parts: &[(Value, Sampled)], at: &Measured<'_>) -> f64 {
-    let Measured { system, time, increment, u, .. } = *at;
+    let Measured { system, window, u, .. } = *at;
     let state = system.values(u);
     let values = state.view();
     let (mut sum, mut size) = (0.0, 0.0);
@@ -355,7 +355,7 @@ fn reduced(reduction: Reduction, parts: &[(Value, Sampled)], at: &Measured<'_>) 
     // of a sum with an infinite part nothing is known, and neither of the largest of values of which one is none
     let mut broken: Option<f64> = None;
     for (value, sampled) in parts {
-        value.at_step(values.step(time, increment)).for_each_counted_point(
+        value.at_step(values.with_present_rates(window)).for_each_counted_point(
             &system.mesh,
             sampled,
             values,

@@ -11,6 +11,7 @@ use crate::{
     newton::{LARGEST_PERTURBATION, LARGEST_TOLERANCE, NewtonOptions, obstacle, obstacle_of_filter},
     solve::LinearMethod,
     system::System,
+    window::Window,
 };
 
 /// Load or time steps.
@@ -118,6 +119,18 @@ impl Steps {
     #[must_use]
     pub fn first_increment(&self) -> f64 {
         self.auto.as_ref().map_or_else(|| self.increment(1), |auto| auto.first)
+    }
+
+    /// The first step.
+    #[must_use]
+    pub fn first_window(&self) -> Window {
+        Window::new(self.first(), self.first_increment())
+    }
+
+    /// A listed step by its number; the first one counts as long as the second one.
+    #[must_use]
+    pub fn window(&self, number: usize) -> Window {
+        if number == 0 { self.first_window() } else { Window::new(self.values[number], self.increment(number)) }
     }
 
     /// The increment that leads to a listed value, by its number; 0 where there is none before it.

@@ -18,6 +18,7 @@ use crate::{
     rates::Scheme,
     system::{Numbering, System},
     value::Value,
+    window::Window,
 };
 
 /// An expression is linear if it is to this part of its size.
@@ -39,10 +40,8 @@ pub(super) struct Added {
 pub struct Measured<'a> {
     /// The equations, which stand at the step.
     pub system: &'a System,
-    /// The step variable.
-    pub time: f64,
-    /// Its increment.
-    pub increment: f64,
+    /// The step that it ends.
+    pub window: Window,
     /// The unknowns.
     pub u: &'a [f64],
     rows: OnceCell<Option<Vec<f64>>>,
@@ -52,8 +51,8 @@ pub struct Measured<'a> {
 impl<'a> Measured<'a> {
     /// The end of a step.
     #[must_use]
-    pub fn new(system: &'a System, time: f64, increment: f64, u: &'a [f64]) -> Self {
-        Self { system, time, increment, u, rows: OnceCell::new(), sums: OnceCell::new() }
+    pub fn new(system: &'a System, window: Window, u: &'a [f64]) -> Self {
+        Self { system, window, u, rows: OnceCell::new(), sums: OnceCell::new() }
     }
 
     /// The state where time starts, for which nothing was solved: no equation has a sum.

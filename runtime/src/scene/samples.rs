@@ -22,6 +22,7 @@ use crate::{
     results::Located,
     system::System,
     value::Value,
+    window::Window,
 };
 
 /// One expression at points of one home.
@@ -55,10 +56,8 @@ pub enum SampleAt<'a> {
 pub struct StateAt<'a> {
     /// The discrete problem with what it knows beside the unknowns: the past, rates, known fields.
     pub system: &'a System,
-    /// The step variable.
-    pub time: f64,
-    /// Its last increment.
-    pub increment: f64,
+    /// The step that it ends.
+    pub window: Window,
     /// Values of all dofs.
     pub unknowns: &'a [f64],
 }
@@ -105,7 +104,7 @@ impl Scene {
         for (name, expression) in expressions {
             for (target, law) in maker.homes(&bodies, &faces, expression) {
                 let made = Value::new(law, backend).map_err(|e| e.to_string()).and_then(|value| {
-                    let value = value.at_step(state.system.step_at(state.time, state.increment));
+                    let value = value.at_step(state.system.with_present_rates(state.window));
                     let wanted = Wanted { name, home: &home(target, &bodies), at };
                     self.sample(wanted, target, &value, &mut places, state)
                 });

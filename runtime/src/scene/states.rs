@@ -31,6 +31,7 @@ use crate::{
     scene::NamedRegion,
     system::System,
     value::{Sampled, Value},
+    window::Window,
 };
 
 /// The update of a state.
@@ -52,8 +53,8 @@ impl StateUpdate {
 
     /// Its next values, in the order of its nodes, from the solution `u` at the end of a step. Points without an image
     /// under the mapping of the update keep theirs.
-    pub fn next(&self, system: &System, time: f64, increment: f64, u: &[f64]) -> Vec<f64> {
-        let value = self.value.at_step(system.step_at(time, increment));
+    pub fn next(&self, system: &System, window: Window, u: &[f64]) -> Vec<f64> {
+        let value = self.value.at_step(system.with_present_rates(window));
         let state = system.values(u);
         let values = state.view();
         let Some(nodes) = &self.nodes else {

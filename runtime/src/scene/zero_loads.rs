@@ -10,7 +10,7 @@ use wfl::{Code, Condition, Diagnostic, each_name};
 use wfl_compiler::types::UniformSlot;
 
 use super::{Builder, Origin, Steps, assemble::Assembled};
-use crate::{assemble::Domain, value::Value};
+use crate::{assemble::Domain, value::Value, window::Window};
 
 /// Values of one formula that are looked at, at most: beyond, a load is taken for one that acts. 2 million are 0.1 s.
 const MOST: usize = 2_000_000;
@@ -62,7 +62,7 @@ impl Builder<'_> {
             return false;
         }
         let is_zero = |points: &[[f64; 3]], time: f64| {
-            let found = value.at_step((time, 0.0)).at_positions(points);
+            let found = value.at_step(Window::instant(time)).at_positions(points);
             found.is_ok_and(|values| values.iter().all(|v| *v == 0.0))
         };
         let mut points = Vec::with_capacity(TOGETHER.min(n));

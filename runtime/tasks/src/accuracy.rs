@@ -225,7 +225,7 @@ impl Lab<'_> {
         loaded.knobs = setting.iter().map(|(name, value)| format!("{name}={value}")).collect();
         let outcome = self.whole.run(&mut loaded, &scene, parse_seconds, begin)?;
         if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
-            return Err(format!("step t = {} did not converge", step.time));
+            return Err(format!("step t = {} did not converge", step.window.end));
         }
         let script = loaded.script.clone();
         let outputs = script.outputs.clone();

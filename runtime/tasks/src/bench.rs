@@ -209,7 +209,7 @@ impl Bench<'_> {
                 let failed = solved.outcome.steps.iter().find(|s| !s.history.converged());
                 let status = failed.map_or(Status::Ok, |step| {
                     let n = step.history.n_iterations();
-                    Status::NotConverged(format!("step t = {} did not converge in {n} iterations", step.time))
+                    Status::NotConverged(format!("step t = {} did not converge in {n} iterations", step.window.end))
                 });
                 Run { status, seconds, solved: Some(solved) }
             }

@@ -91,7 +91,7 @@ fn not_converged(loaded: &Loaded, scene: &Scene, outcome: &Outcome) -> Vec<Said>
             Code::E603,
             format!(
                 "step t = {} did not converge in {} iterations{attempts}: residual {residual:.1e}",
-                step.time,
+                step.window.end,
                 step.iterations()
             ),
         );
@@ -215,7 +215,7 @@ fn circle(loaded: &Loaded, scene: &Scene, step: &StepResult) -> Option<Diagnosti
     let d = Diagnostic::new(Code::W602, "the active set cycles");
     let d = d.note(format!(
         "step t = {}; the residual alternates {:.4}, {:.4}",
-        step.time, last[1].residual, last[2].residual
+        step.window.end, last[1].residual, last[2].residual
     ));
     let search = if scene.newton.search { "" } else { "solver newton with search=auto, or " };
     let help = if is_below(loaded) {
@@ -304,7 +304,7 @@ fn quality(outcome: &Outcome) -> String {
         let stop = step.history.stop.map_or("", |s| s.word());
         text += &format!(
             "  at t = {}: residual {:.1e} ({stop}; rounding floor {:.1e}), about {:.0} correct digits\n",
-            step.time,
+            step.window.end,
             i.residual,
             i.floor,
             a.digits().floor()

@@ -258,7 +258,7 @@ fn judge(outcome: &Outcome, doubt: Option<String>) -> Trial {
         (Ending::SilentlyWrong, "a converged step has numbers that are not finite".to_owned())
     } else if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
         let residual = step.history.iterations.last().map_or(f64::NAN, |i| i.residual);
-        (Ending::NotConverged, format!("E603: t = {}: residual {residual:.1e}", step.time))
+        (Ending::NotConverged, format!("E603: t = {}: residual {residual:.1e}", step.window.end))
     } else if let Some(warning) = outcome.warnings.first() {
         (Ending::Warned, format!("{}: {}", warning.code, warning.line()))
     } else if let Some(text) = doubt {

@@ -11,7 +11,7 @@ use wfl_compiler::{
     types::{PlaceKind, PlaceSig},
 };
 use wfl_runtime::{
-    Sketch, Value,
+    Sketch, Value, Window,
     output::{ParameterValue, Report},
 };
 
@@ -71,7 +71,7 @@ pub fn along(report: &Report, formula: &str, ends: [[f64; 3]; 2], time: f64) -> 
     if law.shape.len() != 1 {
         return Err(format!("the formula `{formula}` is a {}: name a component, such as ({formula})(1)", law.shape));
     }
-    let value = Value::new(law, &InterpreterBackend).map_err(|e| e.to_string())?.at_step((time, 0.0));
+    let value = Value::new(law, &InterpreterBackend).map_err(|e| e.to_string())?.at_step(Window::instant(time));
     if !value.reads_positions_only() {
         return Err(format!("the formula `{formula}` cannot be drawn: {MAY_READ}"));
     }

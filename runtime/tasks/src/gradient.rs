@@ -258,8 +258,8 @@ pub struct Comparison {
 pub fn verify(of: Verified<'_>) -> Result<Comparison, String> {
     let (loaded, scene, outcome) = solved(of, None)?;
     let passed = outcome.trajectory.iter().flat_map(|t| &t.steps);
-    let orders = passed.filter_map(|s| Some((s.time, s.order?))).collect();
-    let chosen = Chosen { times: outcome.steps.iter().map(|s| s.time).collect(), orders };
+    let orders = passed.filter_map(|s| Some((s.window.end, s.order?))).collect();
+    let chosen = Chosen { times: outcome.steps.iter().map(|s| s.window.end).collect(), orders };
     let differentiated = Differentiated {
         scene: &scene,
         script: &loaded.script,
@@ -359,7 +359,7 @@ struct Difference {
 
 /// The value of a result of a run.
 fn result(outcome: &Outcome, wanted: &WantedResult) -> Result<f64, String> {
-    let times: Vec<f64> = outcome.steps.iter().map(|s| s.time).collect();
+    let times: Vec<f64> = outcome.steps.iter().map(|s| s.window.end).collect();
     let weights = wanted.weights(&times).map_err(|why| format!("`{}`: {why}\n", wanted.name))?;
     let value = |step: &wfl_runtime::StepResult| step.measures.iter().find(|m| m.0 == wanted.measure).map(|m| m.1);
     let counted = outcome.steps.iter().zip(weights).filter(|(_, weight)| *weight != 0.0);
@@ -399,7 +399,7 @@ fn solved(of: Verified<'_>, other: Option<(&str, f64, &Chosen)>) -> Result<(Load
     let outcome = run(&scene, &options, &mut Quiet).map_err(|e| format!("{e}\n"))?;
     if let Some(step) = outcome.steps.iter().find(|s| !s.history.converged()) {
         let with = other.map_or_else(String::new, |(name, value, _)| format!(" with {name}={value:?}"));
-        return Err(format!("the step at t = {} did not converge{with}\n", step.time));
+        return Err(format!("the step at t = {} did not converge{with}\n", step.window.end));
     }
     Ok((loaded, scene, outcome))
 }

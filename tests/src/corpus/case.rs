@@ -6,7 +6,7 @@ use wfl::{Diagnostic, Expander, SourceMap, ast::Expr, ast::MacroDef, parse_gwfl}
 use wfl_compiler::{Env, TermLaw, TermSource, backend::KernelBackend, compile_term, ir::LANES};
 
 use wfl_runtime::{
-    Numbering,
+    Numbering, Window,
     assemble::{AssembledTerm, Binding, Bound, FieldValues, Integrator, LawSlots, Workspace, tangent_kernel},
     csr::{Csr, PatternBuilder},
     uniforms_at,
@@ -119,11 +119,11 @@ fn assemble(setup: &Setup, law: TermLaw, backend: &dyn KernelBackend) -> Result<
     });
     let current: Vec<&[f64]> = setup.values.iter().map(Vec::as_slice).collect();
     let values = FieldValues { current: &current, previous: &[], rates: None };
-    let uniforms = uniforms_at(&law.prologue, (0.0, 0.0));
+    let uniforms = uniforms_at(&law.prologue, Window::default());
     let integrator = Integrator { domain: Arc::clone(&setup.domain), binding: Arc::new(binding) };
     let scalar = energy_kernel.map(|kernel| integral(setup, &integrator, &*kernel, &uniforms, values));
     let mut term = AssembledTerm::new(law, integrator, None, residual_kernel, tangent_kernel, &numbering.starts);
-    term.set_step((0.0, 0.0));
+    term.set_step(Window::default());
     let mut residual = vec![0.0; numbering.n_dofs];
     term.add_residual(&setup.mesh, values, &mut residual).map_err(|e| e.to_string())?;
     let mut pattern = PatternBuilder::new(numbering.n_dofs, numbering.n_dofs);

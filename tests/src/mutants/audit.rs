@@ -2,7 +2,7 @@
 //! term at every state, on one thread.
 
 use wfl_compiler::types::FieldKind;
-use wfl_runtime::{FIXED, Form, Measured, Scene, StepResult, System, assemble::AssembledTerm};
+use wfl_runtime::{FIXED, Form, Measured, Scene, StepResult, System, Window, assemble::AssembledTerm};
 
 use crate::fuzz::Random;
 
@@ -36,19 +36,19 @@ pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, S
     let mut audit = Audit::default();
     let mut before = start(scene, steps)?;
     for (number, step) in steps.iter().enumerate() {
-        let (time, increment) = (step.time, step.increment);
+        let window = step.window;
         if number == 0 {
-            set_data(scene, time, increment)?;
+            set_data(scene, window)?;
         }
         scene.system.end_step(&before);
-        set_data(scene, time, increment)?;
-        scene.system.begin_step(time, increment).map_err(|e| e.to_string())?;
+        set_data(scene, window)?;
+        scene.system.begin_step(window).map_err(|e| e.to_string())?;
         if !(number == 0 && scene.steps.from_start) {
             audit.residual = audit.residual.max(residual(scene, &step.state, &before)?);
             audit.prescribed = audit.prescribed.max(prescribed(scene, step)?);
             let next: Vec<Vec<f64>> = {
                 let Scene { system, states, .. } = &mut *scene;
-                states.iter_mut().map(|s| s.next(system, time, increment, &step.state)).collect()
+                states.iter_mut().map(|s| s.next(system, window, &step.state)).collect()
             };
             for (state, values) in scene.states.iter().zip(next) {
                 scene.system.set_data(state.field, values);
@@ -64,10 +64,10 @@ pub fn audit(scene: &mut Scene, steps: &[StepResult]) -> Result<Option<Audit>, S
 /// First values of the unknowns; those of states are put where they are kept.
 fn start(scene: &mut Scene, steps: &[StepResult]) -> Result<Vec<f64>, String> {
     let mut u = vec![0.0; scene.system.numbering.n_dofs];
-    let time = steps.first().map_or(0.0, |s| s.time);
+    let first = Window::instant(steps.first().map_or(0.0, |s| s.window.end));
     for (field, value) in &mut scene.starts {
         let at = positions(scene.system.fields.get(*field));
-        let values = value.at(&at, time, 0.0).map_err(|_| "a first guess without a value")?;
+        let values = value.at(&at, first).map_err(|_| "a first guess without a value")?;
         match scene.system.numbering.starts[*field] {
             Some(first) => u[first..first + values.len()].copy_from_slice(&values),
             None => scene.system.set_data(*field, values),
@@ -80,10 +80,10 @@ fn positions(field: Option<&wfl_runtime::field::Field>) -> Vec<[f64; 3]> {
     field.map(|f| (0..f.n_nodes()).map(|n| f.node_position(n)).collect()).unwrap_or_default()
 }
 
-fn set_data(scene: &mut Scene, time: f64, increment: f64) -> Result<(), String> {
+fn set_data(scene: &mut Scene, window: Window) -> Result<(), String> {
     for (field, value) in &mut scene.data {
         let positions = positions(scene.system.fields.get(*field));
-        let values = value.at(&positions, time, increment).map_err(|_| "data without a value")?;
+        let values = value.at(&positions, window).map_err(|_| "data without a value")?;
         scene.system.set_data(*field, values);
     }
     Ok(())
@@ -141,7 +141,7 @@ fn rounding(system: &System, of: [&[f64]; 2], at: &[f64]) -> Result<f64, String>
 /// How far prescribed values are from the state.
 fn prescribed(scene: &mut Scene, step: &StepResult) -> Result<f64, String> {
     let mut u = step.state.clone();
-    scene.prescribed.apply(step.time, step.increment, &mut u).map_err(|_| "a prescribed value that is none")?;
+    scene.prescribed.apply(step.window, &mut u).map_err(|_| "a prescribed value that is none")?;
     let system = &scene.system;
     let mut worst = 0.0f64;
     for field in 0..system.fields.len() {
@@ -161,7 +161,7 @@ fn measures(scene: &mut Scene, step: &StepResult, is_given: bool) -> f64 {
     let are_there = measures.len() + computed.len() == step.measures.len();
     let mut worst = if are_there { 0.0f64 } else { f64::INFINITY };
     for (measure, (_, told)) in measures.iter_mut().zip(&step.measures) {
-        let at = Measured::new(system, step.time, step.increment, &step.state);
+        let at = Measured::new(system, step.window, &step.state);
         // where time starts no equation was solved
         let found = measure.evaluate(&if is_given { at.where_time_starts() } else { at });
         if found.to_bits() != told.to_bits() {

@@ -152,10 +152,10 @@ fn not_finite(outcome: &Outcome, out: Option<&PathBuf>) -> Vec<String> {
     let mut wrong = Vec::new();
     for step in &outcome.steps {
         if step.state.iter().any(|v| !v.is_finite()) {
-            wrong.push(format!("unknowns are not finite at t = {}", step.time));
+            wrong.push(format!("unknowns are not finite at t = {}", step.window.end));
         }
         let measures = step.measures.iter().filter(|(_, v)| !v.is_finite());
-        wrong.extend(measures.map(|(name, v)| format!("measure {name} is {v} at t = {}", step.time)));
+        wrong.extend(measures.map(|(name, v)| format!("measure {name} is {v} at t = {}", step.window.end)));
     }
     for file in outcome.files.iter().filter(|f| out.is_some() && f.extension().is_some_and(|e| e == "csv")) {
         let text = std::fs::read_to_string(file).unwrap_or_default();
@@ -219,7 +219,7 @@ fn rounding_decides(scene: &Scene, measure: usize, outcome: &Outcome, much: f64)
                 if is_free { value + size * (random.below(2001) as f64 / 1000.0 - 1.0) } else { *value }
             };
             let beside: Vec<f64> = step.state.iter().enumerate().map(noisy).collect();
-            let found = scene.measures[measure].evaluate(&Measured::new(system, step.time, step.increment, &beside));
+            let found = scene.measures[measure].evaluate(&Measured::new(system, step.window, &beside));
             (least, most) = (least.min(found), most.max(found));
         }
         most - least > much
@@ -264,7 +264,7 @@ fn not_under_a_finer_rule(mutant: &Mutant, outcome: &Outcome, rules: &[(String, 
         // looked at under the finer one
         let looked_at = |o: &Outcome| -> Vec<f64> {
             let of = &scene.measures[measure];
-            o.steps.iter().map(|s| of.evaluate(&Measured::new(system, s.time, s.increment, &s.state))).collect()
+            o.steps.iter().map(|s| of.evaluate(&Measured::new(system, s.window, &s.state))).collect()
         };
         let (coarse, fine) = if is_of_one_point(mutant, &scene.measures[measure].name) {
             (looked_at(outcome), looked_at(&again))

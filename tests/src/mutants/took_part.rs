@@ -95,7 +95,7 @@ fn step_traces(
     everywhere: &mut Vec<Vec<u64>>,
 ) -> Option<()> {
     let bits = |v: &[f64]| v.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
-    let (time, increment) = (step.time, step.increment);
+    let window = step.window;
     let positions = |scene: &Scene, k: usize| -> Vec<[f64; 3]> {
         let f = &scene.system.fields[k];
         (0..f.n_nodes()).map(|n| f.node_position(n)).collect()
@@ -103,22 +103,22 @@ fn step_traces(
     for k in 0..scene.data.len() {
         let at = positions(scene, scene.data[k].0);
         let (field, value) = &mut scene.data[k];
-        scene.system.set_data(*field, value.at(&at, time, increment).ok()?);
+        scene.system.set_data(*field, value.at(&at, window).ok()?);
     }
     for k in 0..scene.starts.len() {
         let at = positions(scene, scene.starts[k].0);
-        let values = scene.starts[k].1.at(&at, time, increment).ok()?;
+        let values = scene.starts[k].1.at(&at, window).ok()?;
         // zero is what all unknowns start from
         if values.iter().any(|v| *v != 0.0) {
             traces.values.extend(bits(&values));
         }
     }
-    scene.system.begin_step(time, increment).ok()?;
+    scene.system.begin_step(window).ok()?;
     let mut u = step.state.clone();
-    scene.prescribed.apply(time, increment, &mut u).ok()?;
+    scene.prescribed.apply(window, &mut u).ok()?;
     traces.values.extend(bits(&u));
     for measure in &mut scene.measures {
-        let at = Measured::new(&scene.system, time, increment, &step.state);
+        let at = Measured::new(&scene.system, window, &step.state);
         traces.values.push(measure.evaluate(&at).to_bits());
     }
     let size = step.state.iter().fold(1e-3f64, |m, v| m.max(v.abs()));
@@ -158,11 +158,11 @@ fn not_held(mutant: &Mutant, at: usize, steps: &[StepResult]) -> Option<String> 
         if u.len() != scene.system.numbering.n_dofs {
             return Some(format!("changes the unknowns: {statement}"));
         }
-        scene.prescribed.apply(step.time, step.increment, &mut u).ok()?;
+        scene.prescribed.apply(step.window, &mut u).ok()?;
         let size = u.iter().chain(&step.state).fold(0.0f64, |m, v| m.max(v.abs()));
         let apart = u.iter().zip(&step.state).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
         if apart > HOLDS * size {
-            return Some(format!("does not hold at t = {}, by {apart:e} of {size:e}: {statement}", step.time));
+            return Some(format!("does not hold at t = {}, by {apart:e} of {size:e}: {statement}", step.window.end));
         }
     }
     None

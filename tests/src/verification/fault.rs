@@ -100,7 +100,7 @@ fn compare(what: &str, run: &Value, solved: &Solved, limits: (usize, usize)) -> 
     let mut case = Case::new(what);
     let mut compared = 0;
     for (k, result) in solved.outcome.steps.iter().enumerate() {
-        let t = result.time;
+        let t = result.window.end;
         let limit = if k == 0 { limits.0 } else { limits.1 };
         let n = result.history.n_iterations();
         case = case.compare(format!("t = {t}, iterations"), n as f64, limit as f64, Tolerance::AtMost);
@@ -129,7 +129,7 @@ fn compare(what: &str, run: &Value, solved: &Solved, limits: (usize, usize)) -> 
 
 fn displacements(mut case: Case, solved: &Solved, k: usize, expected: &Value) -> Case {
     let scale = PLACES.iter().flat_map(|p| vector(&expected[p.0])).fold(0.0f64, |m, x| m.max(x.abs()));
-    let t = solved.outcome.steps[k].time;
+    let t = solved.outcome.steps[k].window.end;
     for (key, field, x) in PLACES {
         for (c, (got, expected)) in solved.at(k, field, *x).iter().zip(vector(&expected[*key])).enumerate() {
             let label = format!("t = {t}, {key}({})", c + 1);

@@ -261,7 +261,7 @@ fn compare(what: &str, base: &Solved, moved: &Solved, v: &Variation) -> Case {
         }
         // the same bits: the largest difference is 0
         case = case.compare(
-            format!("t = {}, largest difference", base.outcome.steps[step].time),
+            format!("t = {}, largest difference", base.outcome.steps[step].window.end),
             gap / largest,
             0.0,
             v.tolerance,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use wfl_compiler::types::FieldKind;
 use wfl_jit::JitBackend;
-use wfl_runtime::{Branches, Scene, System};
+use wfl_runtime::{Branches, Scene, System, Window};
 
 use super::{Benchmark, Case, Tolerance, common::or_failed};
 use crate::{Sequence, examples, prepared, scene_files};
@@ -48,13 +48,13 @@ fn check(what: &str, path: &Path) -> Result<Case, String> {
     let backend = JitBackend::new().map_err(|e| e.to_string())?;
     let folder = path.parent().map_or_else(PathBuf::new, Path::to_path_buf);
     let mut scene = prepared(&folder, text.clone(), &[], params, &backend)?;
-    let time = scene.steps.values.last().copied().unwrap_or(0.0);
+    let window = Window::new(scene.steps.last(), 0.5);
     for (field, given) in &mut scene.data {
         let f = &scene.system.fields[*field];
         let positions: Vec<[f64; 3]> = (0..f.n_nodes()).map(|n| f.node_position(n)).collect();
-        scene.system.set_data(*field, given.at(&positions, time, 0.5).map_err(|e| e.to_string())?);
+        scene.system.set_data(*field, given.at(&positions, window).map_err(|e| e.to_string())?);
     }
-    scene.system.begin_step(time, 0.5).map_err(|e| e.to_string())?;
+    scene.system.begin_step(window).map_err(|e| e.to_string())?;
     let limit = if text.contains(" segments of ") { HELD } else { 1e-7 };
     let mut random = Sequence(0x9e37_79b9_7f4a_7c15);
     let sizes = sizes(&mut scene, &mut random)?;

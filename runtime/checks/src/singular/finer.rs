@@ -191,7 +191,6 @@ fn interpreted(system: &System, term: &AssembledTerm, fields: &[Field], domain: 
     };
     let integrator = Integrator { domain, binding: Arc::new(binding) };
     let mut made = AssembledTerm::new(law, integrator, None, residual, tangent, &system.numbering.starts);
-    let (time, increment) = system.step();
-    made.set_step(system.step_at(time, increment));
+    made.set_step(system.with_present_rates(system.step()));
     Some(made)
 }

@@ -18,7 +18,8 @@ use crate::assemble::{
     simd::{Lanes, ZERO, load, parts, plus_product, store},
 };
 use crate::domain::{Domain, Group, ImageMotion};
-use crate::rates::{RateFactors, Rates, StepAt};
+use crate::rates::{RateFactors, Rates};
+use crate::window::Window;
 use wfl_mesh::mesh::Mesh;
 
 /// Values of all fields by [`wfl_compiler::types::FieldId`]: `values[node * n_components + component]`.
@@ -33,10 +34,10 @@ pub struct FieldValues<'a> {
 }
 
 impl FieldValues<'_> {
-    /// A step with the scalars of these rates.
+    /// A step as point laws are told of it, with the scalars of these rates.
     #[must_use]
-    pub fn step(&self, time: f64, increment: f64) -> StepAt {
-        StepAt { time, increment, factors: self.rates.map_or_else(RateFactors::default, Rates::factors) }
+    pub fn with_present_rates(&self, window: Window) -> Window {
+        window.with_rates(self.rates.map_or_else(RateFactors::default, Rates::factors))
     }
 }
 

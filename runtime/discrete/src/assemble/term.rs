@@ -43,8 +43,9 @@ use crate::{
         shares::Duty,
     },
     finite::BadState,
-    prologue::{StepAt, step_slots},
+    prologue::step_slots,
     share::Share,
+    window::Window,
 };
 use moving::Moving;
 use summands::Summands;
@@ -192,8 +193,8 @@ impl AssembledTerm {
     }
 
     /// Sets the step.
-    pub fn set_step(&mut self, step: impl Into<StepAt>) {
-        self.step = step_slots(&self.law.prologue, step.into());
+    pub fn set_step(&mut self, window: Window) {
+        self.step = step_slots(&self.law.prologue, window);
         self.uniforms = run_prologue(&self.law.prologue, &self.step);
         self.forget_images();
     }

@@ -11,6 +11,7 @@ use wfl_compiler::Class;
 
 use super::{Branches, FIXED, StateValues, System, Tangent};
 use crate::assemble::{AssembledTerm, TermError};
+use crate::rates::RateFactors;
 use wfl_sparse::csr::{Csr, Pattern, PatternBuilder};
 
 /// How often a way is halved on which points go through a surface.
@@ -126,7 +127,7 @@ impl System {
                 builder.add_coupling(&rows, &columns);
             });
         }
-        let step = Some([self.time, self.increment]);
+        let step = Some(self.window.with_rates(RateFactors::default()));
         let before = if images.step == step { out.changing.pattern() } else { images.fixed.pattern() };
         let united = |added: Pattern| before.union(&added).map(Arc::new);
         let pattern = builder.build().and_then(united).map_err(TermError::Matrix)?;

@@ -3,7 +3,10 @@
 use wfl_compiler::types::FieldKind;
 
 use super::System;
-use crate::rates::{RateFactors, Rates, StepAt};
+use crate::{
+    rates::{RateFactors, Rates},
+    window::Window,
+};
 
 /// Values that do not follow from the unknowns: known fields, and the past where a scene uses it.
 #[derive(Clone, Debug, Default)]
@@ -115,10 +118,10 @@ impl System {
         self.known.keep(u);
     }
 
-    /// A step with the scalars of the present rates.
+    /// A step as point laws are told of it, with the scalars of the present rates.
     #[must_use]
-    pub fn step_at(&self, time: f64, increment: f64) -> StepAt {
-        StepAt { time, increment, factors: self.rates().map_or_else(RateFactors::default, Rates::factors) }
+    pub fn with_present_rates(&self, window: Window) -> Window {
+        window.with_rates(self.rates().map_or_else(RateFactors::default, Rates::factors))
     }
 
     /// Rates of a step of this length.

@@ -21,7 +21,7 @@ use wfl_sparse::csr::{Csr, Pattern, product_and_size};
 use super::{System, SystemError, pattern};
 use crate::{
     assemble::{AssembledTerm, Integrator},
-    rates::{RateFactors, Rates, StepAt},
+    rates::{RateFactors, Rates},
 };
 
 /// The derivative of a term in the unknowns as it reads them at one state.
@@ -125,8 +125,8 @@ impl System {
     /// # Errors
     /// [`SystemError`] with its place.
     pub(super) fn prepare_past(&mut self) -> Result<(), SystemError> {
-        let step = StepAt { time: self.time, increment: self.increment, factors: RateFactors::default() };
-        self.past_forms.iter_mut().for_each(|form| form.form.set_step(step));
+        let window = self.window.with_rates(RateFactors::default());
+        self.past_forms.iter_mut().for_each(|form| form.form.set_step(window));
         let uniforms = || self.past_forms.iter().map(|form| form.form.uniforms());
         let known = self.past_matrices.as_deref();
         if self.past_forms.is_empty() || known.is_some_and(|known| known.uniforms.iter().map(|u| &u[..]).eq(uniforms()))

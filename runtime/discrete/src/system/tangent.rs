@@ -8,6 +8,7 @@ use super::{ActiveSet, Branches, FIXED, Numbering, System, pattern};
 use crate::assemble::{AssembledTerm, FieldValues, TermError};
 use crate::frames::Frames;
 use crate::share::Share;
+use crate::window::Window;
 use wfl_sparse::csr::{Csr, CsrError, Pattern, Restriction};
 
 /// Where the changing terms are summed before they are rotated into local frames: their matrix in the axes of the scene
@@ -78,8 +79,8 @@ pub(super) struct OfImages {
     pub(super) fixed: Csr,
     /// Their places in the whole.
     pub(super) places: Vec<usize>,
-    /// The step that the pattern was made in: the step variable and its increment.
-    pub(super) step: Option<[f64; 2]>,
+    /// The step that the pattern was made in, whatever its rates are.
+    pub(super) step: Option<Window>,
 }
 
 impl OfImages {

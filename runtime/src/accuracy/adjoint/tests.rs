@@ -38,7 +38,8 @@ fn the_products_sum_up_to_the_difference_of_a_measure() {
         let pair = Pair { coarse: &coarse, rich: &rich };
         let state = &rich.outcome.steps[0].state;
         let embedded = pair.embedded(state).expect("the same mesh");
-        let at = |unknowns| StateAt { system: &rich.outcome.equations.system, time: 0.0, increment: 0.0, unknowns };
+        let at =
+            |unknowns| StateAt { system: &rich.outcome.equations.system, window: crate::Window::default(), unknowns };
         let goal = pair.goal("M", &InterpreterBackend, [&embedded, state], &at).expect("a derivative");
         let adjoint = adjoint(&rich.outcome.equations.system, state, goal, 1).expect("a solution");
         let sum: f64 = pair.products(&embedded, &adjoint).expect("products").iter().sum();

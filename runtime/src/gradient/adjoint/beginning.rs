@@ -11,6 +11,7 @@ use crate::{
     },
     run::{As, prescribed_differences},
     scene::node_positions,
+    window::Window,
 };
 
 impl Backwards<'_, '_> {
@@ -62,15 +63,15 @@ impl Backwards<'_, '_> {
         let numbering = &self.standing.solving.system.numbering;
         let [first_fixed, first] = parted(numbering, &rates.first);
         let [second_fixed, _] = parted(numbering, &rates.second);
-        for (later, of_first, of_second, length) in prescribed_differences(step.increment) {
+        for (window, of_first, of_second) in prescribed_differences(step.window) {
             let of = first_fixed.iter().zip(&second_fixed);
             let functional: Vec<f64> = of.map(|(r, s)| of_first * r + of_second * s).collect();
-            self.of_prescribed((step.time + later, length), &functional, sum)?;
+            self.of_prescribed(window, &functional, sum)?;
         }
         let system = &self.standing.solving.system;
         for (field, formula) in &self.formulas.rates {
             let Some(range) = system.range(*field) else { continue };
-            let at = (step.time, 0.0);
+            let at = Window::instant(step.window.end);
             formula.add(self.extended, (&node_positions(system, *field), at), &first[range], &mut sum.live)?;
         }
         Ok(())

@@ -57,7 +57,7 @@ impl Backwards<'_, '_> {
         sum: &mut Sums,
     ) -> Result<(), Box<Diagnostic>> {
         let (step, explicit) = of;
-        let h = step.increment;
+        let h = step.window.increment;
         let Rated { first: of_velocity, second: of_acceleration } = self.by_dof(&end.kept);
         let accelerated: Vec<f64> = of_acceleration.iter().zip(&of_velocity).map(|(s, r)| s + 0.5 * h * r).collect();
         let acceleration =
@@ -98,7 +98,7 @@ impl Backwards<'_, '_> {
             }
         }
         self.add_kept(&before, &mut start.kept);
-        self.of_prescribed((step.time, h), &end.u, sum)
+        self.of_prescribed(step.window, &end.u, sum)
     }
 
     /// The accelerations where time starts are forces over the mass alone; what they are at prescribed dofs is left.
@@ -117,7 +117,7 @@ impl Backwards<'_, '_> {
         let weights: Vec<f64> = followed.iter().enumerate().map(weight).collect();
         weights.iter().enumerate().for_each(|(d, w)| sum.lumped.mass[d] += w * acceleration[d]);
         self.standing.hold_accelerations_zero()?;
-        self.laws.set_step(self.standing.step_of(step.time, step));
+        self.laws.set_step(self.standing.step_of(step.window));
         let by_field = self.by_test_field(&weights);
         self.evaluate(|of| matches!(of, Of::Term(_)), &step.u, &by_field)?;
         let (mut now, mut past) = (self.nothing(), self.nothing());
@@ -150,7 +150,7 @@ impl Backwards<'_, '_> {
                 } else {
                     self.standing.take_rest(&probe);
                 }
-                self.laws.set_step(self.standing.step_of(step.time, step));
+                self.laws.set_step(self.standing.step_of(step.window));
                 self.evaluate(|of| matches!(of, Of::Term(k) if probe.terms.contains(&k)), &step.u, &by_field)?;
                 let (mut now, mut past) = (self.nothing(), self.nothing());
                 self.spread(factor, Read::ByEquations, &mut now, &mut past, &mut sum.live);

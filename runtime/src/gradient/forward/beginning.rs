@@ -7,6 +7,7 @@ use crate::{
     gradient::beginning::{AtStart, Beginning, parted},
     run::{As, prescribed_differences},
     scene::node_positions,
+    window::Window,
 };
 
 impl Forwards<'_, '_> {
@@ -19,16 +20,16 @@ impl Forwards<'_, '_> {
         for (field, formula) in &self.formulas.rates {
             let system = &self.standing.solving.system;
             let Some(range) = system.range(*field) else { continue };
-            let at = (step.time, 0.0);
+            let at = Window::instant(step.window.end);
             let rates = formula.moved(self.extended, (&node_positions(system, *field), at), &one.live)?;
             if !rates.is_empty() {
                 moved.first[range].copy_from_slice(&rates);
             }
         }
         let mut prescribed = AtStart { first: vec![0.0; n_dofs], second: vec![0.0; n_dofs] };
-        for (later, of_first, of_second, length) in prescribed_differences(step.increment) {
+        for (window, of_first, of_second) in prescribed_differences(step.window) {
             let mut values = vec![0.0; n_dofs];
-            self.prescribed((step.time + later, length), &one.live, &mut values)?;
+            self.prescribed(window, &one.live, &mut values)?;
             prescribed.first.iter_mut().zip(&values).for_each(|(r, x)| *r += of_first * x);
             prescribed.second.iter_mut().zip(&values).for_each(|(s, x)| *s += of_second * x);
         }

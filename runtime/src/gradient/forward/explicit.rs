@@ -41,11 +41,11 @@ impl Forwards<'_, '_> {
         explicit: &Explicit,
         one: &mut Moving,
     ) -> Result<(), Box<Diagnostic>> {
-        let h = step.increment;
+        let h = step.window.increment;
         let old = by_dof(&self.standing, &one.before.kept);
         let mut half: Vec<f64> = old.first.iter().zip(&old.second).map(|(r, s)| r + 0.5 * h * s).collect();
         let mut prescribed = vec![0.0; half.len()];
-        self.prescribed((step.time, h), &one.live, &mut prescribed)?;
+        self.prescribed(step.window, &one.live, &mut prescribed)?;
         let fixed: Vec<bool> = self.standing.solving.system.numbering.free.iter().map(|f| *f == FIXED).collect();
         for d in 0..half.len() {
             let before = one.before.u[d];
@@ -91,7 +91,7 @@ impl Forwards<'_, '_> {
                 } else {
                     self.standing.take_rest(&probe);
                 }
-                self.laws.set_step(self.standing.step_of(step.time, step));
+                self.laws.set_step(self.standing.step_of(step.window));
                 let held = self.standing.rates().expect("explicit steps have rates");
                 one.rates = Some(held.with_behind(&held.along(&still), self.extended.n));
                 let moved = self.residual_of(step, one, |k| probe.terms.contains(&k))?;
@@ -105,7 +105,7 @@ impl Forwards<'_, '_> {
         let mut moved = by_dof(&self.standing, &one.before.kept);
         let free: Vec<bool> = self.standing.solving.system.numbering.free.iter().map(|f| *f != FIXED).collect();
         self.standing.hold_accelerations_zero()?;
-        self.laws.set_step(self.standing.step_of(step.time, step));
+        self.laws.set_step(self.standing.step_of(step.window));
         let held = self.standing.rates().expect("explicit steps have rates");
         let rates = AtStart { first: moved.first.clone(), second: vec![0.0; n] };
         one.rates = Some(held.with_behind(&held.along(&kept(&self.standing, &rates)), self.extended.n));

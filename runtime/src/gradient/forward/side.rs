@@ -55,7 +55,7 @@ impl Forwards<'_, '_> {
     pub(super) fn step_to_side(&mut self, step: &PassedStep, one: &mut Moving) -> Result<(), Box<Diagnostic>> {
         let prescribed = one.end.u.clone();
         let Some(found) = self.search(step, one, &prescribed, prescribed.clone())? else {
-            return Err(no_side(step.time));
+            return Err(no_side(step.window.end));
         };
         // as far on the other side of what is prescribed
         let mirrored = prescribed.iter().zip(&found.u).map(|(p, u)| 2.0 * p - u).collect();
@@ -64,7 +64,7 @@ impl Forwards<'_, '_> {
             let told = format!(
                 "at t = {} more than one choice of branches solves the equations to this side: the derivative is that of one \
                  of them",
-                step.time
+                step.window.end
             );
             if !self.told.contains(&told) {
                 self.told.push(told);
@@ -196,7 +196,7 @@ impl Forwards<'_, '_> {
         let (values, made) = at;
         let sided = self.sided.as_ref()?.measure(self.extended, number, made);
         let of = (self.extended, &self.standing.solving);
-        let lists = weighed.taken_at(of, values.view(), (step.time, step.increment));
+        let lists = weighed.taken_at(of, values.view(), step.window);
         if sided.iter().all(Option::is_none) && !lists.shared {
             return None;
         }

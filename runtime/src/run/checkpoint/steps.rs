@@ -8,10 +8,11 @@ use crate::{
     newton::{Iteration, Method, StepHistory, Stop},
     run::{Attempt, AttemptEnd, Path, StepResult},
     solve::SolveReport,
+    window::Window,
 };
 
 pub(super) fn step(w: &mut Writer, s: &StepResult) {
-    w.numbers(&[s.time, s.increment, s.limit]);
+    w.numbers(&[s.window.end, s.window.increment, s.limit]);
     let h = &s.history;
     w.count(h.iterations.len());
     for i in &h.iterations {
@@ -102,8 +103,9 @@ fn quantities(w: &mut Writer, s: &StepResult) {
 }
 
 pub(super) fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
-    let [time, increment, limit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-    let mut step = StepResult { time, increment, limit, history: read_history(r)?, ..StepResult::default() };
+    let [end, increment, limit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let mut step =
+        StepResult { window: Window::new(end, increment), limit, history: read_history(r)?, ..StepResult::default() };
     step.others = match r.count()? {
         0 => Others::Unknown,
         1 => Others::Possible,

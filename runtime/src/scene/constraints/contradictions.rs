@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use wfl::Span;
 
 use super::{Along, Number, Prescribed};
+use crate::window::Window;
 
 /// A number that does not hold because a later statement says another thing of the same displacement.
 pub(super) struct Overruled {
@@ -44,16 +45,16 @@ const SAME_VALUE: f64 = 1e-9;
 
 impl Prescribed {
     /// What earlier statements say and later ones change, at the steps given.
-    pub(in crate::scene) fn contradictions(&mut self, steps: &[(f64, f64)], n_dofs: usize) -> Vec<Contradiction> {
+    pub(in crate::scene) fn contradictions(&mut self, steps: &[Window], n_dofs: usize) -> Vec<Contradiction> {
         if self.overruled.is_empty() {
             return Vec::new();
         }
         let mut found: BTreeMap<(usize, usize, usize), Contradiction> = BTreeMap::new();
         let mut differ: BTreeMap<(usize, usize, usize), BTreeSet<usize>> = BTreeMap::new();
         let mut u = vec![0.0; n_dofs];
-        for (time, increment) in steps {
+        for step in steps {
             // a value that is not finite is reported where it is used
-            let Ok(values) = self.numbers(*time, *increment) else { continue };
+            let Ok(values) = self.numbers(*step) else { continue };
             self.write(&values, &mut u);
             let largest: Vec<f64> = values.iter().map(|v| v.iter().fold(0.0, |m: f64, x| m.max(x.abs()))).collect();
             for o in &self.overruled {
@@ -70,7 +71,7 @@ impl Prescribed {
                 }
                 let key = (o.number.fix, o.by, part_of(o.along, o.n_components));
                 differ.entry(key).or_default().insert(o.first);
-                found.entry(key).or_insert_with(|| self.contradiction(o, *time, holds, instead));
+                found.entry(key).or_insert_with(|| self.contradiction(o, step.stage, holds, instead));
             }
         }
         for (key, nodes) in differ {
