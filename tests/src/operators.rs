@@ -114,7 +114,7 @@ fn measured(body: &Body) -> Result<Found, String> {
     let made = prepare(&script, Path::new("."), &backend);
     let mut scene = made.scene.ok_or_else(|| format!("{:?}", made.diagnostics))?;
     let system = &mut scene.system;
-    system.leave_matrix();
+    system.leave_matrix().map_err(|error| error.to_string())?;
     system.begin_step(Window::new(1.0, 1.0)).map_err(|error| error.to_string())?;
     let matrix = system.matrix().map_err(|error| error.to_string())?;
     let n = matrix.n_rows();
@@ -135,7 +135,8 @@ fn measured(body: &Body) -> Result<Found, String> {
     let layout = system.node_layout()?;
     let single = vec![0.5f32; layout.points.len() * layout.components];
     let mut product = single.clone();
-    found.single = best(|| operator.apply_single(black_box(&single), &mut product));
-    (found.operations, found.applied_bytes) = (system.counts_of_product().operations, operator.bytes() as f64);
+    let finest = operator.levels().ok_or("no levels")?.finest;
+    found.single = best(|| finest.apply(black_box(&single), &mut product));
+    (found.operations, found.applied_bytes) = (system.counts_of_product().operations, (operator.bytes() + finest.bytes()) as f64);
     Ok(found)
 }

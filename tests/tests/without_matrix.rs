@@ -9,7 +9,8 @@ use wfl_runtime::{
     Scene, System, Window,
     csr::Csr,
     prepare,
-    solve::{CheckedMultigrid, NodeLayout, Operator, SolverOptions},
+    solve::{CheckedMultigrid, NodeLayout, Operator, OperatorLevels, SolverOptions},
+    system::Branches,
 };
 
 /// A scene before its first step.
@@ -27,7 +28,7 @@ fn scene(text: &str) -> Scene {
 fn prepared(text: &str) -> Scene {
     let mut scene = scene(text);
     assert_eq!(scene.system.obstacle_to_operator(), None, "{text}");
-    scene.system.leave_matrix();
+    scene.system.leave_matrix().expect("a pattern");
     scene.system.begin_step(Window::new(1.0, 1.0)).expect("a step");
     scene
 }
@@ -47,19 +48,21 @@ fn on<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
 }
 
 /// `y = A x`, and the same in single precision by row.
-fn products(operator: &dyn Operator, layout: &NodeLayout, x: &[f64]) -> (Vec<f64>, Vec<f32>) {
+fn products(both: &Both, x: &[f64]) -> (Vec<f64>, Vec<f32>) {
+    let Both { operator, levels, layout, .. } = both;
     let mut y = vec![0.0; x.len()];
     operator.apply(x, &mut y);
     let mut by_place = vec![0.0f32; layout.points.len() * layout.components];
     layout.places.iter().zip(x).for_each(|(place, x)| by_place[*place as usize] = *x as f32);
     let mut single = vec![0.0f32; by_place.len()];
-    operator.apply_single(&by_place, &mut single);
+    levels.finest.apply(&by_place, &mut single);
     (y, layout.places.iter().map(|place| single[*place as usize]).collect())
 }
 
 /// The operator of a system and its matrix.
 struct Both {
     operator: Arc<dyn Operator>,
+    levels: OperatorLevels,
     matrix: Arc<Csr>,
     layout: NodeLayout,
 }
@@ -69,23 +72,43 @@ impl Both {
         let operator = system.operator().expect("an operator");
         assert_eq!(system.bulk().values().len(), 0, "no matrix");
         let matrix = system.matrix().expect("a matrix");
-        Self { operator, matrix, layout: system.node_layout().expect("a layout") }
+        Self::new(operator, matrix, system)
     }
 
-    fn products_agree(&self) {
+    fn new(operator: Arc<dyn Operator>, matrix: Arc<Csr>, system: &System) -> Self {
+        let levels = operator.levels().expect("levels");
+        Self { operator, levels, matrix, layout: system.node_layout().expect("a layout") }
+    }
+
+    /// The tangent of a scene at a state, which has no matrix.
+    fn of_tangent(system: &System, u: &[f64]) -> Self {
+        let mut tangent = system.new_tangent();
+        system.tangent(u, Branches::AsWritten, &mut tangent).expect("finite");
+        assert_eq!((tangent.changing.values().len(), system.bulk().values().len()), (0, 0), "no matrix");
+        let matrix = Arc::new(system.whole_matrix(&tangent).expect("a matrix"));
+        Self::new(tangent.operator().expect("an operator"), matrix, system)
+    }
+
+    /// The product with numbers without a pattern is that of the matrix; the size of the product, it in single precision and exact.
+    fn product_agrees(&self) -> (f64, Vec<f32>, Vec<f64>) {
         let n = self.matrix.n_rows();
         let x = numbers(n);
         let mut exact = vec![0.0; n];
         self.matrix.multiply(&x, &mut exact, 1);
         let size = largest(exact.iter().copied());
-        let (double, single) = on(1, || products(&*self.operator, &self.layout, &x));
-        for threads in [2, 3] {
-            let others = on(threads, || products(&*self.operator, &self.layout, &x));
+        let (double, single) = on(1, || products(self, &x));
+        for threads in [2, 3, 7] {
+            let others = on(threads, || products(self, &x));
             assert!((&double, &single) == (&others.0, &others.1), "the same bits on {threads} threads");
         }
         let wrong = largest(double.iter().zip(&exact).map(|(a, b)| a - b)) / size;
         assert!(wrong < 1e-12, "double precision: {wrong:e}");
-        let scale = self.operator.scale();
+        (size, single, exact)
+    }
+
+    fn products_agree(&self) {
+        let (size, single, exact) = self.product_agrees();
+        let scale = self.levels.scale;
         let wrong = largest(single.iter().zip(&exact).map(|(a, b)| f64::from(*a) / scale - b)) / size;
         assert!(wrong < 1e-5, "single precision: {wrong:e}");
     }
@@ -99,10 +122,11 @@ impl Both {
             for (column, other) in self.layout.places.iter().enumerate().skip(row).take(b) {
                 if *other as usize / b == node {
                     let at = node * b * b + (*place as usize % b) * b + *other as usize % b;
-                    let (own, exact) = (self.operator.diagonal_blocks()[at], self.matrix.get(row, column));
+                    let (own, exact) = (self.levels.blocks[at], self.matrix.get(row, column));
                     assert!((own - exact).abs() < 1e-12 * most, "{row} {column}: {own:e} {exact:e}");
                 }
             }
+            assert!((self.operator.diagonal()[row] - self.matrix.get(row, row)).abs() < 1e-12 * most, "{row}");
             let sum: f64 = self.matrix.row(row).1.iter().map(|value| value.abs()).sum();
             let bound = self.operator.row_sums()[row];
             assert!(bound > (1.0 - 1e-12) * sum && bound < 8.0 * sum, "{bound:e} for {sum:e}");
@@ -125,7 +149,7 @@ impl Both {
         let coarse: Vec<usize> = (0..self.layout.points.len())
             .filter(|node| matches!(list(*node), [(own, _)] if *own as usize == *node))
             .collect();
-        let coarser = self.operator.coarser();
+        let coarser = &self.levels.coarser;
         assert_eq!(coarser.n_nodes, coarse.len());
         let x = numbers(coarser.places.len());
         let mut by_place = vec![0.0; self.layout.points.len() * b];
@@ -263,7 +287,7 @@ fn iterations_are_those_with_the_matrix() {
              term elastic on all : (300*Div_u*Id(3) + 800*Sym(Grad_u)):Grad_Test_u\nfix u = [0,0,0] on left\n\
              load u = [0,0,-1] on all\n"
         ));
-        let Both { operator, matrix, layout } = Both::of(&scene.system);
+        let Both { operator, matrix, layout, .. } = Both::of(&scene.system);
         let n = matrix.n_rows();
         let (mut applied, mut stored) = (vec![0.0; n], vec![0.0; n]);
         let mut solver = CheckedMultigrid::new(layout.clone(), SolverOptions::default());
@@ -273,6 +297,127 @@ fn iterations_are_those_with_the_matrix() {
         solver.take(matrix).expect("levels");
         let with_matrix = solver.solve_to(&numbers(n), &mut stored, 0.0).expect("a solution").krylov_iterations;
         assert!(with_operator.abs_diff(with_matrix) <= 1, "{space}: {with_operator} and {with_matrix}");
+        let size = largest(stored.iter().copied());
+        assert!(applied.iter().zip(&stored).all(|(a, b)| (a - b).abs() < 1e-9 * size), "{space}");
+    }
+}
+
+/// The law of a neo-Hookean body.
+const NEO_HOOKEAN: &str = "def F = Id(3) + Grad_u\ndef P = 400*(F - Inv(F)') + 300*log(Det(F))*Inv(F)'\n";
+
+/// By dof of the first field what a map of positions gives.
+fn state(system: &System, at: impl Fn([f64; 3], usize) -> f64) -> Vec<f64> {
+    let mut u = vec![0.0; system.numbering.n_dofs];
+    for (dof, u) in u.iter_mut().enumerate() {
+        let (field, node, component) = system.numbering.describe(&system.fields, dof);
+        *u = at(system.fields[field].node_position(node), component);
+    }
+    u
+}
+
+/// Of a state whose slopes are the same everywhere entries are their means: then levels are those of the tangent, too.
+#[test]
+fn tangents_at_even_states() {
+    let even = |x: [f64; 3], c: usize| 0.1 * x[(c + 1) % 3] - 0.05 * x[c] + 0.02 * x[(c + 2) % 3];
+    for (cells, space, map) in [
+        ("[3,2,3] tet", "P2", ""),
+        ("[2,2,2] tet", "P3", ""),
+        ("[3,2,2] hex", "Q2", ""),
+        ("[3,2,2] hex", "Q2", " map [x + 0.1*sin(3*y*z), y + 0.15*x*z, z - 0.1*x*y]"),
+    ] {
+        for more in ["", "term bed on all : 7*u.Test_u\nterm springs on left : 50*u.Test_u\n"] {
+            let text = format!(
+                "mesh box [0,0,0] to [1,1,1] cells {cells}{map}\nregion left = faces where x < 0.2\n\
+                 region right = faces where x > 0.99\nunknown u : vector {space}\n{NEO_HOOKEAN}\
+                 term elastic on all : P:Grad_Test_u\n{more}fix u(1) = 0 on left\nload u(2) = 1 on all\n"
+            );
+            let scene = prepared(&text);
+            Both::of_tangent(&scene.system, &state(&scene.system, even)).agree();
+        }
+    }
+}
+
+/// Entries that change from point to point: a law of two bodies, with a term on a face that is not linear, in several groups of
+/// cells, with numbers of the step before, and with kinks.
+#[test]
+fn tangents_at_any_state() {
+    let bent = |x: [f64; 3], c: usize| 0.05 * (x[c] * x[(c + 1) % 3] + (2.0 * x[(c + 2) % 3]).sin());
+    let box_of = "mesh box [0,0,0] to [2,1,1] cells [4,2,2] tet\nregion left = faces where x == 0\n\
+        region right = faces where x == 2\nregion near = cells where x < 1\nregion far = all - near\n";
+    for laws in [
+        "term here on near : P:Grad_Test_u\nterm there on far : 3*P:Grad_Test_u\nterm bed on all : (1 + u.u)*u.Test_u\n",
+        "term here on near : P:Grad_Test_u\nterm there on far : (300*Div_u*Id(3) + 800*Sym(Grad_u)):Grad_Test_u\n\
+         term wall on right : 1000*u(1)^3*Test_u(1)\nterm springs on left : 20*u.Test_u\n",
+        "def slope = Norm(Sym(Grad_u))\nterm law on all : 300*Div_u*Div_Test_u + 2*(400 + 500*pos_part(0.1 - slope))*Sym(Grad_u):Sym(Grad_Test_u)\nterm elastic on all : P:Grad_Test_u\n",
+    ] {
+        let text = format!(
+            "{box_of}unknown u : vector P2\n{NEO_HOOKEAN}{laws}fix u(1) = 0 on left\nload u(2) = 1 on all\n"
+        );
+        let scene = prepared(&text);
+        let both = Both::of_tangent(&scene.system, &state(&scene.system, bent));
+        both.product_agrees();
+        for (row, bound) in both.operator.row_sums().iter().enumerate() {
+            let sum: f64 = both.matrix.row(row).1.iter().map(|value| value.abs()).sum();
+            assert!(*bound > 0.8 * sum && *bound < 10.0 * sum, "{row}: {bound:e} for {sum:e}");
+        }
+    }
+}
+
+/// A tangent at another state, in the same cells; what was made of the first stays.
+#[test]
+fn a_tangent_stays_when_another_one_is_made() {
+    let text = format!(
+        "mesh box [0,0,0] to [1,1,1] cells [2,2,2] tet\nregion left = faces where x == 0\nunknown u : vector P2\n\
+         {NEO_HOOKEAN}term elastic on all : P:Grad_Test_u\nfix u = [0,0,0] on left\nload u(2) = 1 on all\n"
+    );
+    let scene = prepared(&text);
+    let system = &scene.system;
+    let mut tangent = system.new_tangent();
+    let product = |operator: &dyn Operator| {
+        let mut y = vec![0.0; operator.n_rows()];
+        operator.apply(&numbers(operator.n_rows()), &mut y);
+        y
+    };
+    let moved = |size: f64| state(system, |x, c| size * x[(c + 1) % 3] * x[c]);
+    system.tangent(&moved(0.1), Branches::AsWritten, &mut tangent).expect("finite");
+    let first = tangent.operator().expect("an operator");
+    let before = product(&*first);
+    let memory = tangent.memory();
+    system.tangent(&moved(0.2), Branches::AsWritten, &mut tangent).expect("finite");
+    assert_eq!(product(&*first), before);
+    let second = product(&*tangent.operator().expect("an operator"));
+    assert!(second != before);
+    let residual = system.residual(&moved(0.1), &wfl_runtime::system::Form::AS_WRITTEN).expect("finite");
+    let sizes = |tangent: &wfl_runtime::system::Tangent| system.sizes(&moved(0.1), &residual, tangent);
+    let of_second = sizes(&tangent);
+    assert!(tangent.recall(&memory) && tangent.operator().is_none());
+    assert!(sizes(&tangent) != of_second);
+    system.tangent(&moved(0.1), Branches::AsWritten, &mut tangent).expect("finite");
+    assert_eq!(product(&*tangent.operator().expect("an operator")), before);
+    let of_first = sizes(&tangent);
+    assert!(tangent.recall(&memory));
+    assert_eq!(sizes(&tangent), of_first);
+}
+
+/// Levels that have means of the entries take about as many iterations as those of the matrix.
+#[test]
+fn iterations_with_tangents_are_those_with_their_matrix() {
+    for (cells, space) in [("[8,4,4] tet", "P2"), ("[6,4,4] hex", "Q2")] {
+        let scene = prepared(&format!(
+            "mesh box [0,0,0] to [2,1,1] cells {cells}\nregion left = faces where x == 0\nunknown u : vector {space}\n\
+             {NEO_HOOKEAN}term elastic on all : P:Grad_Test_u\nfix u = [0,0,0] on left\nload u = [0,0,-1] on all\n"
+        ));
+        let u = state(&scene.system, |x, c| 0.1 * x[0] * x[(c + 2) % 3]);
+        let Both { operator, matrix, layout, .. } = Both::of_tangent(&scene.system, &u);
+        let n = matrix.n_rows();
+        let (mut applied, mut stored) = (vec![0.0; n], vec![0.0; n]);
+        let mut solver = CheckedMultigrid::new(layout.clone(), SolverOptions::default());
+        assert!(solver.take_operator(operator).expect("levels"));
+        let with_operator = solver.solve_to(&numbers(n), &mut applied, 0.0).expect("a solution").krylov_iterations;
+        let mut solver = CheckedMultigrid::new(layout, SolverOptions::default());
+        solver.take(matrix).expect("levels");
+        let with_matrix = solver.solve_to(&numbers(n), &mut stored, 0.0).expect("a solution").krylov_iterations;
+        assert!(with_operator <= with_matrix + 3, "{space}: {with_operator} and {with_matrix}");
         let size = largest(stored.iter().copied());
         assert!(applied.iter().zip(&stored).all(|(a, b)| (a - b).abs() < 1e-9 * size), "{space}");
     }

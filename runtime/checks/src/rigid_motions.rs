@@ -316,10 +316,10 @@ impl Examined<'_> {
         let (zero, mut met, mut size) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         let (mut products, mut scale) = (Vec::new(), vec![0.0f64; n]);
         let mut free = Vec::new();
-        let Ok(bulk) = self.system.matrix() else { return DMatrix::zeros(0, motions.len()) };
+        let Ok(whole) = self.system.whole_matrix(self.tangent) else { return DMatrix::zeros(0, motions.len()) };
         for motion in motions {
             self.system.numbering.gather(motion, &mut free);
-            residual_and_size(&[&*bulk, &self.tangent.changing], &zero, &free, &mut met, &mut size, 1);
+            residual_and_size(&[&whole], &zero, &free, &mut met, &mut size, 1);
             scale.iter_mut().zip(&size).for_each(|(scale, s)| *scale = scale.max(*s));
             products.push(met.clone());
         }

@@ -45,7 +45,7 @@ impl Examined<'_> {
             let motions = self.loose_motions();
             return (!motions.is_empty()).then(|| self.loose_bodies(&motions, u));
         }
-        let tangent = self.system.whole(self.system.matrix().ok()?.plus(&self.tangent.changing).ok()?).ok()?;
+        let tangent = self.system.whole(self.system.whole_matrix(self.tangent).ok()?).ok()?;
         if let Some(found) = self.empty_equations(&largest_entries(&tangent)) {
             return Some(found);
         }

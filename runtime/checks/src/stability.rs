@@ -11,6 +11,8 @@
 //! the next step is solved with. Costs nothing where the factor at hand is Cholesky's. Does not judge linear scenes, in
 //! which no load changes the tangent, nor scenes with rates, whose states are no equilibria.
 
+use std::sync::Arc;
+
 use super::Solved;
 use wfl_compiler::types::{FieldKind, UniformSlot};
 use wfl_discrete::system::{Branches, FIXED, System, Tangent};
@@ -51,7 +53,10 @@ pub fn unstable(state: Solved<'_>, solver: &mut LinearSolver, due: bool) -> Opti
     }
     let mut tangent = system.new_tangent();
     system.tangent(u, Branches::AsWritten, &mut tangent).ok()?;
-    match LinearSolver::symmetric_whole(system, &tangent) {
+    if solver.finds_definite(&tangent) {
+        return None;
+    }
+    match LinearSolver::symmetric_whole(system, &tangent).map(Arc::new) {
         Some(matrix) => {
             let negative = solver.inertia(&matrix)?.negative;
             let directions = if negative == 0 { 0 } else { negative.saturating_sub(of_forces(system, &matrix)) };

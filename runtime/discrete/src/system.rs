@@ -8,6 +8,7 @@
 //! Promises: a residual or a tangent depends on its arguments, the step ([`System::begin_step`]) and the known fields
 //! alone. Knows no contact, no solver and no iteration.
 
+mod applied;
 mod cancelled;
 mod constants;
 mod equations;
@@ -16,6 +17,7 @@ mod form;
 mod images;
 mod inspect;
 mod known;
+mod levels;
 mod linear;
 mod node_layout;
 mod numbering;
@@ -36,6 +38,7 @@ pub use form::{ActiveSet, Branches, Form, LinearTerms, StateValues, TermBranches
 pub use known::{Known, Past};
 use linear::LinearMatrix;
 pub use linear::Redistribution;
+use operator::WithoutMatrix;
 pub use numbering::{FIXED, Numbering, Tie};
 use past::PastMatrices;
 pub use past::{PastForm, is_affine_in_the_past, is_of_rates, readings, stays};
@@ -125,8 +128,8 @@ pub struct System {
     redistribution: Option<Arc<Redistribution>>,
     /// The terms of finite strain, once they have been asked for.
     finite_strain: OnceLock<Vec<FiniteStrain>>,
-    /// The linear terms have an operator in place of their matrix.
-    without_matrix: bool,
+    /// Terms have an operator in place of their matrix.
+    without_matrix: Option<Arc<WithoutMatrix>>,
 }
 
 impl System {
@@ -175,7 +178,7 @@ impl System {
             counts: Counts::default(),
             redistribution: None,
             finite_strain: OnceLock::new(),
-            without_matrix: false,
+            without_matrix: None,
         };
         // on a part of a mesh there is nobody who has all rows
         this.share_again();
@@ -388,7 +391,7 @@ impl System {
         numbering.fix(dofs);
         numbering.tie(ties);
         self.share_again();
-        (self.linear, self.steady, self.past_matrices) = (None, None, None);
+        (self.linear, self.steady, self.past_matrices, self.without_matrix) = (None, None, None, None);
         self.bulk = Arc::new(nothing(self.numbering.n_free()));
         self.locate()
     }

@@ -8,12 +8,11 @@ use std::sync::Arc;
 
 use wfl_discrete::{pruning::Pruning, system::System};
 use wfl_host::memory::claim;
-use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, Operator, SolveError, SolveReport, SolverOptions};
+use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, SolveError, SolveReport, SolverOptions, Source};
 
 use super::condensation::condenses;
 use super::cost::{Factors, Iteration, Ways, Work};
-use super::plan::{Extent, LinearPlan};
+use super::plan::{Extent, Held, LinearPlan};
 use super::without_matrix;
 
 /// Of one matrix. Measured on cubes of trilinear hexahedra: 2.7 GB and 4.5 s for a factor of 108,000 unknowns, 12.7 GB and 39 s
@@ -52,13 +51,13 @@ pub(super) struct Iterative {
 }
 
 impl Iterative {
-    /// Of one matrix; makes its levels.
+    /// Of one matrix, or of an operator in its place; makes its levels.
     ///
     /// # Errors
     /// [`SolveError`]: not positive definite, singular, or too large.
-    pub(super) fn of_one(layout: NodeLayout, matrix: Arc<Csr>, options: SolverOptions) -> Result<Self, SolveError> {
+    pub(super) fn of_one(layout: NodeLayout, source: &Source, options: SolverOptions) -> Result<Self, SolveError> {
         let mut this = Self { of_tangents: false, ..Self::of_tangents(layout, options) };
-        this.renew(matrix)?;
+        this.renew(source)?;
         Ok(this)
     }
 
@@ -67,19 +66,25 @@ impl Iterative {
         Self { solver: CheckedMultigrid::new(layout, options), of_tangents: true, is_set_aside: false }
     }
 
-    /// Makes the levels of a matrix.
-    fn renew(&mut self, matrix: Arc<Csr>) -> Result<(), SolveError> {
-        let need = ONE_MATRIX.by_iteration(matrix.n_rows(), LEVELS_OF_A_STEP);
+    /// Makes the levels of a matrix, or of an operator; of the matrix of that where only it can tell whether it is singular.
+    fn renew(&mut self, source: &Source) -> Result<(), SolveError> {
+        if let Source::Applied(operator) = source {
+            claim(without_matrix::bytes(operator.n_rows()), "the levels of multigrid")?;
+            if self.solver.take_operator(Arc::clone(operator))? {
+                return Ok(());
+            }
+        }
+        let need = ONE_MATRIX.by_iteration(source.n_rows(), LEVELS_OF_A_STEP);
         claim(need.size(), "the levels of multigrid")?;
-        self.solver.take(matrix)
+        self.solver.take(source.matrix().ok_or(SolveError::NotFactored)?)
     }
 
     /// Takes a tangent; levels are made where those at hand do not serve.
     ///
     /// # Errors
     /// As [`Self::of_one`].
-    pub(super) fn take(&mut self, matrix: &Arc<Csr>) -> Result<(), SolveError> {
-        if self.solver.keep_levels(matrix)? { Ok(()) } else { self.renew(Arc::clone(matrix)) }
+    pub(super) fn take(&mut self, source: &Source) -> Result<(), SolveError> {
+        if self.solver.keep_levels(source)? { Ok(()) } else { self.renew(source) }
     }
 
     /// Solves with the matrix taken last; of tangents until `tolerance` of the right-hand side is left. Where levels of an
@@ -92,7 +97,7 @@ impl Iterative {
         rhs: &[f64],
         x: &mut [f64],
         tolerance: f64,
-        matrix: Option<&Arc<Csr>>,
+        source: Option<&Source>,
     ) -> Result<SolveReport, SolveError> {
         if !self.of_tangents {
             return self.solver.solve_to(rhs, x, tolerance);
@@ -100,25 +105,11 @@ impl Iterative {
         let left = WITHIN * tolerance;
         match self.solver.solve_until(rhs, x, left) {
             Err(error) if is_of_iteration(&error) && self.solver.has_kept_levels() => {
-                self.renew(matrix.cloned().ok_or(error)?)?;
+                self.renew(source.ok_or(error)?)?;
                 self.solver.solve_until(rhs, x, left)
             }
             other => other,
         }
-    }
-
-    /// Makes the levels of an operator; `None` where only a matrix can tell whether it is singular.
-    ///
-    /// # Errors
-    /// As [`Self::of_one`].
-    pub(super) fn of_operator(
-        layout: NodeLayout,
-        operator: Arc<dyn Operator>,
-        options: SolverOptions,
-    ) -> Result<Option<Self>, SolveError> {
-        claim(without_matrix::bytes(operator.n_rows()), "the levels of multigrid")?;
-        let mut this = Self { of_tangents: false, ..Self::of_tangents(layout, options) };
-        Ok(this.solver.take_operator(operator)?.then_some(this))
     }
 
     /// The solver behind it.
@@ -145,7 +136,8 @@ impl Iterative {
     /// What it is.
     pub(super) fn method(&self) -> LinearPlan {
         let levels = Extent::Made(self.solver.level_sizes().to_vec());
-        if self.of_tangents { LinearPlan::Tangents(levels) } else { LinearPlan::Iterative(levels) }
+        let plan = if self.of_tangents { LinearPlan::Tangents(levels) } else { LinearPlan::Iterative(levels) };
+        if self.solver.is_applied() { LinearPlan::WithOperator(Box::new(plan), Held::Applied) } else { plan }
     }
 }
 

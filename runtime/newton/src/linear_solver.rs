@@ -26,7 +26,7 @@ use super::condensation::condenses;
 use super::filtered;
 use super::iterative::{self, Iterative};
 use super::library;
-use super::plan::{Extent, FactorKind, Held, ITERATION, LinearPlan};
+use super::plan::{Extent, FactorKind, ITERATION, LinearPlan};
 use super::without_matrix;
 use foreseen::groups;
 use wfl_compiler::types::FieldKind;
@@ -36,7 +36,7 @@ use wfl_discrete::system::{FIXED, System, Tangent};
 use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{
     CheckedAtPoints, DENSE_LIMIT, Elimination as Method, Equations, Kept, LinearMethod, LinearSolver as Factor, Linked,
-    Operator, Precision, SolveError, SolveReport, SolverMemory, SolverOptions,
+    Precision, SolveError, SolveReport, SolverMemory, SolverOptions, Source,
 };
 
 enum Kind {
@@ -46,8 +46,16 @@ enum Kind {
     Condensed(Box<CheckedAtPoints>),
     /// A library, which is told of the part that changes.
     Linked,
-    /// Sum of both.
-    Full { pattern: Arc<Pattern>, changing: Arc<Pattern>, bulk_positions: Vec<usize>, changing_positions: Vec<usize> },
+    /// Sum of both; `None` where tangents are applied.
+    Full(Option<Sum>),
+}
+
+/// Where the bulk and the changing part stand in their sum.
+struct Sum {
+    pattern: Arc<Pattern>,
+    changing: Arc<Pattern>,
+    bulk_positions: Vec<usize>,
+    changing_positions: Vec<usize>,
 }
 
 /// What a solution of a library may leave of its right-hand side where a full step solves all equations but for branches
@@ -60,12 +68,10 @@ pub struct LinearSolver {
     solver: Option<Box<dyn Factor + Send>>,
     /// In place of a factor.
     iterative: Option<Iterative>,
-    /// The matrix that it solves with, kept for the factor that takes its place where it fails.
-    matrix: Option<Arc<Csr>>,
+    /// What it solves with, kept for the factor that takes its place where it fails.
+    source: Option<Source>,
     /// Attempts at steps in which a factor has taken the place of the iteration on tangents.
     given_way: usize,
-    /// What it solves with in place of a matrix.
-    operator: Option<Arc<dyn Operator>>,
     /// What solves in place of factors of our own: a linked library, or our iteration for contact.
     library: Option<Linked>,
     /// What it is told.
@@ -101,9 +107,8 @@ impl LinearSolver {
             kind: Kind::Linear,
             solver: None,
             iterative: None,
-            matrix: None,
+            source: None,
             given_way: 0,
-            operator: None,
             library: options.library,
             equations: None,
             spare: None,
@@ -135,7 +140,7 @@ impl LinearSolver {
             self.iterate_on_contact(system);
             return Ok(());
         }
-        if iterative::is_chosen(system, method, solutions) {
+        if system.applies_tangents() || iterative::is_chosen(system, method, solutions) {
             return self.iterate_on_tangents(system);
         }
         match self.choose_factors(&Factors::of(system, &self.coordinates)) {
@@ -153,9 +158,9 @@ impl LinearSolver {
     /// Analyses anew where the pattern of a tangent has followed its images.
     fn follow(&mut self, system: &System, tangent: &Tangent) -> Result<(), SolveError> {
         let now = tangent.changing.pattern();
-        if let Kind::Full { changing, .. } = &self.kind
+        if let Kind::Full(Some(sum)) = &self.kind
             && system.follows_images()
-            && !Arc::ptr_eq(changing, now)
+            && !Arc::ptr_eq(&sum.changing, now)
         {
             self.solver = None;
             self.sum_on(system.bulk(), now)?;
@@ -173,13 +178,12 @@ impl LinearSolver {
         }
     }
 
-    /// Whether the linear terms of a system are applied rather than assembled; then [`System::leave_matrix`] is for it, before its
+    /// Whether the terms of a system are applied rather than assembled; then [`System::leave_matrix`] is for it, before its
     /// first step.
     #[must_use]
     pub fn needs_no_matrix(system: &System, options: &SolverOptions) -> bool {
         let SolverOptions { method, solutions, library, .. } = *options;
-        let iterates = library.is_none() && system.is_linear() && iterative::is_chosen(system, method, solutions);
-        iterates && without_matrix::pays(system)
+        library.is_none() && iterative::is_chosen(system, method, solutions) && without_matrix::pays(system)
     }
 
     /// The solver that a system asks for; nothing is assembled for it. A linear part that turns out not to be positive
@@ -217,12 +221,7 @@ impl LinearSolver {
     /// What solves now.
     fn method(&self) -> LinearPlan {
         if let Some(iterative) = self.iterative.as_ref().filter(|iterative| iterative.is_at_work()) {
-            let plan = iterative.method();
-            return if self.operator.is_some() {
-                LinearPlan::WithOperator(Box::new(plan), Held::Applied)
-            } else {
-                plan
-            };
+            return iterative.method();
         }
         if let (Some(Linked(library)), Some(equations)) = (self.library, &self.equations) {
             let found = self.solver.as_ref().and_then(|solver| solver.describe());
@@ -231,7 +230,7 @@ impl LinearSolver {
         match &self.kind {
             Kind::Linear => LinearPlan::Once(self.factor_kind()),
             Kind::Condensed(c) => LinearPlan::Condensed(Extent::Made((c.n_at_points(), c.elimination().to_string()))),
-            Kind::Full { .. } => LinearPlan::Whole(self.factor_kind()),
+            Kind::Full(_) => LinearPlan::Whole(self.factor_kind()),
             Kind::Linked => LinearPlan::Whole(FactorKind::General),
         }
     }
@@ -255,13 +254,13 @@ impl LinearSolver {
                 self.tell_library(system);
                 Ok(())
             }
-            Kind::Full { .. } => Ok(()),
+            Kind::Full(_) => Ok(()),
         }
     }
 
     /// Prepares for the one matrix of a linear scene.
     fn solve_one_matrix(&mut self, system: &System) -> Result<(), SolveError> {
-        (self.iterative, self.matrix, self.operator) = (None, None, None);
+        (self.iterative, self.source) = (None, None);
         if self.library.is_some() {
             self.tell_library(system);
             return self.factor(&system.new_tangent().changing);
@@ -287,16 +286,12 @@ impl LinearSolver {
 
     fn iterate(&mut self, system: &System) -> Result<(), SolveError> {
         let layout = iterative::layout(system).map_err(|_| SolveError::NotFactored)?;
-        if let Some(operator) = system.operator()
-            && let Some(made) = Iterative::of_operator(layout.clone(), Arc::clone(&operator), self.options)?
-        {
-            (self.iterative, self.operator, self.solver) = (Some(made), Some(operator), None);
-            return Ok(());
-        }
-        let matrix = without_matrix::assembled(system)?;
-        self.iterative = Some(Iterative::of_one(layout, Arc::clone(&matrix), self.options)?);
-        self.matrix = Some(matrix);
-        self.solver = None;
+        let source = match system.operator() {
+            Some(operator) => Source::Applied(operator),
+            None => Source::Stored(without_matrix::assembled(system)?),
+        };
+        self.iterative = Some(Iterative::of_one(layout, &source, self.options)?);
+        (self.source, self.solver) = (Some(source), None);
         Ok(())
     }
 
@@ -330,16 +325,22 @@ impl LinearSolver {
                 outcome
             }
             Kind::Linked => self.take_linked(&tangent.changing),
-            Kind::Full { .. } => {
-                let sum = self.sum([system.bulk(), &tangent.changing])?;
-                self.take_tangent(system, sum, !system.is_affine_when_frozen())
+            Kind::Full(_) => {
+                let keeps = !system.is_affine_when_frozen();
+                match tangent.operator() {
+                    Some(operator) => self.take_applied(system, tangent, operator),
+                    None => {
+                        let sum = self.sum([system.bulk(), &tangent.changing])?;
+                        self.take_tangent(system, sum, keeps)
+                    }
+                }
             }
         }
     }
 
     /// The sum of the linear and the changing part.
     fn sum(&self, parts: [&Csr; 2]) -> Result<Csr, SolveError> {
-        let Kind::Full { pattern, bulk_positions, changing_positions, .. } = &self.kind else {
+        let Kind::Full(Some(Sum { pattern, bulk_positions, changing_positions, .. })) = &self.kind else {
             return Err(SolveError::NotFactored);
         };
         let mut sum = Csr::zeros(pattern.clone());

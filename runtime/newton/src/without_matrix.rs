@@ -1,11 +1,11 @@
-//! Whether the matrix of a linear scene is assembled, or its linear terms are applied cell by cell.
+//! Whether the matrix of a scene, or of its tangents, is assembled, or its terms are applied cell by cell.
 //!
 //! Decided before anything is assembled, from counted operations and bytes. Does not assemble and does not solve.
 
 use std::sync::Arc;
 
 use wfl_discrete::assemble::Counts;
-use wfl_discrete::system::{System, SystemError};
+use wfl_discrete::system::{System, SystemError, Tangent};
 use wfl_sparse::csr::Csr;
 use wfl_sparse::solve::SolveError;
 
@@ -26,14 +26,31 @@ const ENTRY_SECONDS: f64 = 4.5 / 6.9e9;
 /// the levels of degree 1 and below.
 const BYTES: u64 = 250;
 
-/// Whether nothing stands against terms that are applied, and a product with them is foreseen to be faster.
+/// Products with the finest level in a cycle: two and three of the smoother, and one for what is left between.
+const PRODUCTS_OF_A_CYCLE: f64 = 6.0;
+/// An entry of double precision, with its index, in units of one of single precision: bytes.
+const DOUBLE_ENTRY: f64 = 12.0 / 4.5;
+/// Seconds in which a stored number of single precision is read, without an index.
+const NUMBER_SECONDS: f64 = 4.0 / 6.9e9;
+/// Passes over the entries of the matrix of a tangent, of double precision, in which it is assembled, summed with that of the linear
+/// terms, looked at and rounded; beside ten iterations that it serves, of which a Newton correction takes that many.
+const PASSES_OF_A_TANGENT: f64 = 6.0 / 10.0;
+
+/// Whether nothing stands against terms that are applied, and an iteration with them is foreseen to be faster.
 pub(super) fn pays(system: &System) -> bool {
-    system.is_linear() && system.obstacle_to_operator().is_none() && is_faster(&system.counts_of_product())
+    system.obstacle_to_operator().is_none() && is_faster(&system.counts_of_product(), system.is_linear())
 }
 
-fn is_faster(counts: &Counts) -> bool {
-    counts.operations * OPERATION_SECONDS + counts.gathered * GATHER_SECONDS
-        < ASSEMBLED * counts.entries * ENTRY_SECONDS
+/// The same from counts: of a cycle and the product with the matrix beside it.
+fn is_faster(counts: &Counts, is_linear: bool) -> bool {
+    let of_level = counts.operations_on_levels * OPERATION_SECONDS
+        + counts.gathered * GATHER_SECONDS
+        + counts.stored_on_levels * NUMBER_SECONDS;
+    let of_double =
+        counts.operations * OPERATION_SECONDS + counts.gathered * GATHER_SECONDS + counts.stored * NUMBER_SECONDS;
+    let passes = if is_linear { 0.0 } else { PASSES_OF_A_TANGENT };
+    let entries = PRODUCTS_OF_A_CYCLE + DOUBLE_ENTRY * (1.0 + passes);
+    PRODUCTS_OF_A_CYCLE * of_level + 2.0 * of_double < entries * ASSEMBLED * counts.entries * ENTRY_SECONDS
 }
 
 /// Bytes of levels and operator for so many unknowns.
@@ -44,7 +61,7 @@ pub(super) fn bytes(n: usize) -> u64 {
 /// The plan of an iteration with how its matrix is held, where elements of degree 2 and more leave a choice.
 pub(super) fn plan(system: &System, iteration: LinearPlan) -> LinearPlan {
     let solved = (0..system.fields.len()).filter(|k| system.range(*k).is_some());
-    if !system.is_linear() || solved.map(|k| system.fields[k].degree()).max().unwrap_or(0) < 2 {
+    if solved.map(|k| system.fields[k].degree()).max().unwrap_or(0) < 2 {
         return iteration;
     }
     let held = match system.obstacle_to_operator() {
@@ -60,10 +77,22 @@ pub(super) fn plan(system: &System, iteration: LinearPlan) -> LinearPlan {
 /// # Errors
 /// [`SolveError::TooMuchMemory`], or [`SolveError::NotFactored`] where a term gives what is no number.
 pub(super) fn assembled(system: &System) -> Result<Arc<Csr>, SolveError> {
-    system.matrix().map_err(|error| match error {
+    system.matrix().map_err(not_made)
+}
+
+/// The whole matrix of a tangent, assembled now where there is none.
+///
+/// # Errors
+/// As [`assembled`].
+pub(super) fn assembled_with(system: &System, tangent: &Tangent) -> Result<Csr, SolveError> {
+    system.whole_matrix(tangent).map_err(not_made)
+}
+
+fn not_made(error: SystemError) -> SolveError {
+    match error {
         SystemError::TooMuchMemory(need) => SolveError::TooMuchMemory(need),
         _ => SolveError::NotFactored,
-    })
+    }
 }
 
 #[cfg(test)]
@@ -73,11 +102,33 @@ mod tests {
     /// Of 1000 cells with one elastic field.
     fn counts(nodes: f64, points: f64) -> Counts {
         let operations = 1e3 * points * (21.0 + 9.0 * (2.0 * nodes + 7.0));
-        Counts { operations, gathered: 6e3 * nodes, entries: 9e3 * nodes * nodes }
+        let entries = 9e3 * nodes * nodes;
+        Counts { operations, operations_on_levels: operations, gathered: 6e3 * nodes, entries, ..Counts::default() }
+    }
+
+    /// The same of a neo-Hookean one with a rule for its law.
+    fn of_tangent(nodes: f64, points: f64, points_of_means: f64) -> Counts {
+        let stored = 45e3;
+        let all = counts(nodes, points);
+        Counts {
+            operations_on_levels: counts(nodes, points_of_means).operations,
+            stored: points * stored,
+            stored_on_levels: stored,
+            ..all
+        }
     }
 
     #[test]
     fn elements_of_degree_two_and_more_are_applied() {
-        assert!(is_faster(&counts(10.0, 4.0)) && is_faster(&counts(20.0, 14.0)) && is_faster(&counts(27.0, 27.0)));
+        for counts in [counts(10.0, 4.0), counts(20.0, 14.0), counts(27.0, 27.0)] {
+            assert!(is_faster(&counts, true) && is_faster(&counts, false));
+        }
+    }
+
+    #[test]
+    fn so_are_tangents_with_rules_for_their_laws() {
+        for counts in [of_tangent(10.0, 11.0, 4.0), of_tangent(10.0, 24.0, 4.0), of_tangent(27.0, 27.0, 27.0)] {
+            assert!(is_faster(&counts, false));
+        }
     }
 }

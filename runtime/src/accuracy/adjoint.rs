@@ -259,8 +259,7 @@ fn adjoint(system: &System, u: &[f64], mut goal: Vec<f64>, threads: usize) -> Re
     numbering.gather(&goal, &mut rhs);
     let mut tangent = system.new_tangent();
     system.tangent(u, Branches::AsWritten, &mut tangent).map_err(|e| e.to_string())?;
-    let bulk = system.matrix().map_err(|e| e.to_string())?;
-    let matrix = bulk.plus(&tangent.changing).map_err(|e| e.to_string())?;
+    let matrix = system.whole_matrix(&tangent).map_err(|e| e.to_string())?;
     let position = |d: &u32| {
         let (field, node, _) = numbering.describe(&system.fields, *d as usize);
         system.fields[field].node_position(node)

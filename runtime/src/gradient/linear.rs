@@ -95,8 +95,7 @@ impl Tangent {
     fn factor(&mut self, system: &System, u: &[f64], threads: usize) -> Result<(), Box<Diagnostic>> {
         let mut tangent = system.new_tangent();
         system.tangent(u, Branches::AsWritten, &mut tangent).map_err(|e| not_made(&e.to_string()))?;
-        let bulk = system.matrix().map_err(|e| not_made(&e.to_string()))?;
-        let matrix = bulk.plus(&tangent.changing).map_err(|e| not_made(&e.to_string()))?;
+        let matrix = system.whole_matrix(&tangent).map_err(|e| not_made(&e.to_string()))?;
         let symmetry = Symmetry::known(system.is_symmetric());
         let matrix =
             if symmetry == Symmetry::Symmetric || self.form == As::Written { matrix } else { matrix.transpose() };

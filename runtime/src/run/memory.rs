@@ -34,7 +34,7 @@ impl Memory {
     /// The same with the tangent of all ranks, made by all together: what a run on any number of ranks goes on from. Of
     /// ranks that have a part of the mesh each keeps its own.
     pub(super) fn of_all(scene: &Solving<'_>, tangent: &Tangent) -> Self {
-        if keeps_its_own(scene.system) {
+        if keeps_its_own(scene.system) || tangent.is_applied() {
             return Self::of(scene, tangent);
         }
         let changing = tangent.changing.values_of_all(scene.system.team());
@@ -58,7 +58,7 @@ impl Memory {
     #[must_use]
     pub(super) fn recall_of_all(&self, scene: &mut Solving<'_>, tangent: &mut Tangent) -> bool {
         let team = scene.system.team();
-        if keeps_its_own(scene.system) {
+        if keeps_its_own(scene.system) || tangent.is_applied() {
             return self.recall(scene, tangent);
         }
         let mut own = tangent.changing.clone();

@@ -266,8 +266,7 @@ impl Session {
         on(self.pool.as_ref(), || {
             let mut tangent = system.new_tangent();
             system.tangent(u, Branches::AsWritten, &mut tangent)?;
-            let sum = system.matrix()?.plus(&tangent.changing).map_err(crate::system::SystemError::from)?;
-            Ok(sum)
+            Ok(system.whole_matrix(&tangent)?)
         })
     }
 

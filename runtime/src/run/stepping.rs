@@ -259,7 +259,7 @@ impl Stepper {
         scene.set_data(window)?;
         let begin = Instant::now();
         if self.solver.is_none() && LinearSolver::needs_no_matrix(scene.system, &self.solver_options) {
-            scene.system.leave_matrix();
+            scene.system.leave_matrix()?;
         }
         let changed = scene.system.begin_step(window)?;
         scene.contact.begin_step(scene.system.step());

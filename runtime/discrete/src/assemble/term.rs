@@ -7,6 +7,7 @@
 pub(super) mod applied;
 mod coarser;
 pub(super) mod diagonal;
+mod fewer_points;
 pub(super) mod gradients;
 pub(super) mod local;
 mod moving;
@@ -47,6 +48,7 @@ use crate::{
     share::Share,
     window::Window,
 };
+use applied::Given;
 use moving::Moving;
 use summands::Summands;
 use wfl_host::team::{Alone, Team};
@@ -117,6 +119,8 @@ pub struct AssembledTerm {
     workspaces: Mutex<Vec<Workspace>>,
     /// Where the images of its points follow the bodies.
     moving: Option<Moving>,
+    /// Entries of the tangent that were evaluated before.
+    given: Option<Given>,
 }
 
 /// Dofs of a group, `[entity][local dof]`: node after node, its components one after the other. `starts` are the first
@@ -189,6 +193,7 @@ impl AssembledTerm {
             located: None,
             kept: Default::default(),
             workspaces: Mutex::default(),
+            given: None,
         }
     }
 
@@ -511,10 +516,7 @@ impl AssembledTerm {
     /// Computes the local tangents of a batch. False if a number is not finite.
     fn local_tangents(&self, mesh: &Mesh, values: FieldValues<'_>, workspace: &mut Workspace, duty: &Duty) -> bool {
         let g = duty.group;
-        workspace.prepare_some(self.bound(mesh), g, duty.batch, values, &self.tangent_needs);
-        if let Some(kernel) = &self.tangent {
-            self.call(&**kernel, workspace, g, self.entries.n_outputs);
-        }
+        self.evaluate_entries(mesh, values, workspace, [g, duty.batch]);
         let (group, binding) = (&self.assembled.domain.groups[g], &self.assembled.binding.groups[g]);
         contract::tangent(workspace, &self.plans[g], &self.entries, group, binding, &self.uniforms)
     }

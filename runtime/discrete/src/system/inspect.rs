@@ -89,13 +89,17 @@ impl System {
             return true;
         }
         let sizes = self.sizes(u, here, tangent);
+        let operator = tangent.operator().or_else(|| self.operator());
         let (mut found, mut natural) = (0.0f64, 0.0f64);
         for d in self.range(field).unwrap_or_default() {
             found = found.max(u[d].abs());
             let free = self.numbering.free[d];
             if free != FIXED {
                 let free = free as usize;
-                let stiffness = self.bulk.get(free, free) + tangent.changing.get(free, free);
+                let stiffness = match &operator {
+                    Some(operator) => operator.diagonal()[free],
+                    None => self.bulk.get(free, free) + tangent.changing.get(free, free),
+                };
                 natural = natural.max(if stiffness == 0.0 { 0.0 } else { sizes[d] / stiffness.abs() });
             }
         }

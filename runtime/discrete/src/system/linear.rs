@@ -7,9 +7,8 @@ use wfl_sparse::csr::{
     Csr, CsrError, Outside, Pattern, PatternBuilder, Restriction, product_and_size, product_and_sizes,
 };
 
-use wfl_sparse::solve::Operator;
-
-use super::{System, SystemError, operator::LinearOperator, past::stays, pattern};
+use super::applied::{At, TermsOperator};
+use super::{System, SystemError, past::stays, pattern};
 use crate::assemble::AssembledTerm;
 
 /// The matrix of the linear terms by dof, in the axes of the scene.
@@ -20,7 +19,7 @@ pub(super) enum LinearMatrix {
     /// What the bulk does not have: rows and columns of fixed dofs.
     BesideBulk(Outside),
     /// None: what its products are.
-    Applied(Arc<LinearOperator>),
+    Applied(Arc<TermsOperator>),
 }
 
 /// What takes the mass from some dofs and gives it to others.
@@ -67,23 +66,14 @@ impl System {
         self.linear.is_none() || self.linear_terms().zip(&self.linear_uniforms).any(changed)
     }
 
-    /// The operator in place of [`Self::bulk`], where there is one.
-    #[must_use]
-    pub fn operator(&self) -> Option<Arc<dyn Operator>> {
-        match self.linear.as_deref() {
-            Some(LinearMatrix::Applied(operator)) => Some(Arc::clone(operator) as Arc<dyn Operator>),
-            _ => None,
-        }
-    }
-
     /// Makes the matrix of the linear terms, or the operator in its place.
     pub(super) fn renew_linear(&mut self, zero: &[f64]) -> Result<(), SystemError> {
-        if !self.without_matrix {
-            return self.assemble_linear(zero);
-        }
+        let Some(held) = self.without_matrix.clone() else { return self.assemble_linear(zero) };
         // what was made before goes first
         self.linear = None;
-        self.linear = Some(Arc::new(LinearMatrix::Applied(Arc::new(self.make_operator()?))));
+        let part = Arc::new(self.linear_part(&held)?);
+        let operator = TermsOperator::new(self, vec![part], At::any());
+        self.linear = Some(Arc::new(LinearMatrix::Applied(Arc::new(operator))));
         Ok(())
     }
 
@@ -187,7 +177,7 @@ impl System {
     /// Takes the mass from some nodes, from now on.
     pub fn redistribute(&mut self, redistribution: Redistribution) {
         self.redistribution = Some(Arc::new(redistribution));
-        (self.linear, self.steady, self.without_matrix) = (None, None, false);
+        (self.linear, self.steady, self.without_matrix) = (None, None, None);
     }
 
     /// What takes the mass from some nodes.

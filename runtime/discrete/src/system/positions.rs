@@ -56,9 +56,15 @@ impl System {
         self.largest_of_groups(&self.row_sums(tangent, |_| true))
     }
 
-    /// By dof, in the rows of this rank: the sum of |K| of the changing terms over some columns.
+    /// By dof, in the rows of this rank: the sum of |K| of the changing terms over some columns, over all where they are applied.
     pub(super) fn row_sums(&self, tangent: &Tangent, counts: impl Fn(u32) -> bool) -> Vec<f64> {
         let mut out = vec![0.0; self.numbering.n_dofs];
+        if let Some(applied) = &tangent.applied {
+            let mut sums = applied.row_sums();
+            self.numbering.turn_sizes(&mut sums);
+            self.numbering.free_dofs.iter().for_each(|dof| out[*dof as usize] = sums[*dof as usize]);
+            return out;
+        }
         for row in 0..self.numbering.n_free() {
             let (columns, values) = tangent.changing.row(row);
             let counted = columns.iter().zip(values).filter(|(c, _)| counts(self.numbering.free_dofs[**c as usize]));

@@ -79,6 +79,13 @@ impl System {
         if self.is_linear() {
             return out;
         }
+        if let Some(applied) = &tangent.applied {
+            let mut sizes = vec![0.0; u.len()];
+            self.add_sizes_of_tangent(applied, u, &mut sizes);
+            self.numbering.turn_sizes(&mut sizes);
+            self.numbering.free_dofs.iter().for_each(|dof| out[*dof as usize] += sizes[*dof as usize]);
+            return out;
+        }
         let mut sizes: Vec<f64> = u.iter().map(|x| x.abs()).collect();
         self.numbering.frames.turn_sizes(&mut sizes);
         for row in 0..self.numbering.n_free() {

@@ -4,12 +4,14 @@ use std::sync::Arc;
 
 use wfl_compiler::Class;
 
+use super::applied::AppliedTangent;
 use super::{ActiveSet, Branches, FIXED, Numbering, System, pattern};
 use crate::assemble::{AssembledTerm, FieldValues, TermError};
 use crate::frames::Frames;
 use crate::share::Share;
 use crate::window::Window;
 use wfl_sparse::csr::{Csr, CsrError, Pattern, Restriction};
+use wfl_sparse::solve::Operator;
 
 /// Where the changing terms are summed before they are rotated into local frames: their matrix in the axes of the scene
 /// over the free dofs, those that follow others, and all dofs of nodes with frames.
@@ -59,6 +61,8 @@ pub struct Tangent {
     scene_axes: Option<Csr>,
     /// Where its pattern follows images.
     pub(super) images: Option<OfImages>,
+    /// In place of the matrix, which has no entries then.
+    pub(super) applied: Option<AppliedTangent>,
 }
 
 /// A term in the place of one of a system.
@@ -90,9 +94,26 @@ impl OfImages {
 }
 
 impl Tangent {
-    /// The values of the changing terms, with their rows and columns where these follow images: what [`Self::recall`] takes.
+    /// In place of the matrix of all terms, where these are applied; `None` before there is one, too.
+    #[must_use]
+    pub fn operator(&self) -> Option<Arc<dyn Operator>> {
+        let operator = self.applied.as_ref()?.operator.as_ref()?;
+        Some(Arc::clone(operator) as Arc<dyn Operator>)
+    }
+
+    /// Whether it has no matrix.
+    #[must_use]
+    pub fn is_applied(&self) -> bool {
+        self.applied.is_some()
+    }
+
+    /// The values of the changing terms, with their rows and columns where these follow images; where they are applied what sizes
+    /// of a residual need of them. What [`Self::recall`] takes.
     #[must_use]
     pub fn memory(&self) -> Vec<f64> {
+        if let Some(applied) = &self.applied {
+            return applied.memory();
+        }
         if self.images.is_none() {
             return self.changing.values().to_vec();
         }
@@ -108,6 +129,9 @@ impl Tangent {
     /// Takes over values of [`Self::memory`]; false, and nothing is changed, if they are those of another system.
     #[must_use]
     pub fn recall(&mut self, memory: &[f64]) -> bool {
+        if let Some(applied) = &mut self.applied {
+            return applied.recall(memory);
+        }
         let Some(images) = &mut self.images else {
             let fits = memory.len() == self.changing.values().len();
             if fits {
@@ -146,6 +170,9 @@ impl System {
             changing: Csr::zeros(self.changing.clone()),
             scene_axes: self.scene_axes.as_ref().map(|s| Csr::zeros(s.pattern.clone())),
             images: self.follows_images().then(|| OfImages::new(&self.changing)),
+            applied: self.without_matrix.as_deref().filter(|_| !self.is_linear()).map(|held| {
+                AppliedTangent::new(self.numbering.n_dofs, held.rest.as_ref())
+            }),
         }
     }
 
@@ -160,6 +187,9 @@ impl System {
     /// # Errors
     /// [`TermError`] with its place; `out` is zero then.
     pub fn tangent(&self, u: &[f64], branches: Branches<'_>, out: &mut Tangent) -> Result<(), TermError> {
+        if out.applied.is_some() {
+            return self.apply_tangent(u, branches, out);
+        }
         if out.images.is_some() {
             let result = self.tangent_of_images(u, branches, out);
             if result.is_err() {
@@ -185,6 +215,9 @@ impl System {
     /// Finds where a term that is none of this system stands in its tangents; false where it couples what the terms of the
     /// system do not.
     pub fn find_place(&self, term: &mut AssembledTerm) -> bool {
+        if self.applies_tangents() {
+            return self.with_matrix().is_ok_and(|system| system.find_place(term));
+        }
         let (pattern, rows) = match &self.scene_axes {
             Some(axes) => (&axes.pattern, &axes.rows),
             None => (&self.changing, &self.numbering.free),

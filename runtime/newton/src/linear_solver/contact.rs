@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Kind, LinearSolver, at_points, facing};
+use super::{Kind, LinearSolver, Sum, at_points, facing};
 use crate::condensation::condenses;
 use wfl_discrete::{pruning::Pruning, system::System};
 use wfl_sparse::csr::{Csr, Pattern};
@@ -65,7 +65,8 @@ impl LinearSolver {
         let pattern = Arc::new(bulk.pattern().union(changing)?);
         let positions = |part: &Pattern| part.positions_in(&pattern).expect("a part of the union");
         let (bulk_positions, changing_positions) = (positions(bulk.pattern()), positions(changing));
-        self.kind = Kind::Full { pattern, changing: Arc::clone(changing), bulk_positions, changing_positions };
+        let changing = Arc::clone(changing);
+        self.kind = Kind::Full(Some(Sum { pattern, changing, bulk_positions, changing_positions }));
         Ok(())
     }
 

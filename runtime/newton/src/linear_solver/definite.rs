@@ -6,10 +6,12 @@
 //! that is orthogonal to no direction in particular tells whether it is definite, and a factor is asked for counts alone. Counts of LDLᵀ are those of the whole matrix, however its parts are
 //! solved with.
 
+use std::sync::Arc;
+
 use super::{Kind, LinearSolver};
 use wfl_discrete::system::{System, Tangent};
 use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{CheckedLlt, Inertia, LinearSolver as _, SolveError, inertia};
+use wfl_sparse::solve::{CheckedLlt, Inertia, LinearSolver as _, SolveError, Source, inertia};
 
 /// What may be left of the difference to the transpose in a symmetric matrix, in parts of the largest entry: rounding of
 /// laws whose stresses cancel.
@@ -30,7 +32,7 @@ impl LinearSolver {
     /// Whether our own solvers factor the whole tangent.
     #[must_use]
     pub fn factors_all(&self) -> bool {
-        matches!(self.kind, Kind::Full { .. })
+        matches!(self.kind, Kind::Full(_))
     }
 
     /// Whether our own factors are at work.
@@ -48,7 +50,7 @@ impl LinearSolver {
     /// The whole tangent of a system, if it is symmetric.
     #[must_use]
     pub fn symmetric_whole(system: &System, tangent: &Tangent) -> Option<Csr> {
-        let whole = system.matrix().ok()?.plus(&tangent.changing).ok()?;
+        let whole = system.whole_matrix(tangent).ok()?;
         if !whole.is_symmetric(ASYMMETRY) {
             return None;
         }
@@ -73,14 +75,14 @@ impl LinearSolver {
 
     /// The signs of the eigenvalues of a symmetric matrix over the unknowns of this solver; `None` where its factor does not
     /// fit into the memory.
-    pub fn inertia(&mut self, matrix: &Csr) -> Option<Inertia> {
-        if self.looks_definite(matrix) == Some(true) {
+    pub fn inertia(&mut self, matrix: &Arc<Csr>) -> Option<Inertia> {
+        if self.looks_definite(&Source::Stored(Arc::clone(matrix))) == Some(true) {
             self.symmetric = self.may_be_symmetric;
             return Some(Inertia { positive: matrix.n_rows(), ..Inertia::default() });
         }
         match self.cholesky(matrix) {
             Ok(made) => {
-                if matches!(self.kind, Kind::Full { .. }) && self.may_be_symmetric && !self.symmetric {
+                if matches!(self.kind, Kind::Full(_)) && self.may_be_symmetric && !self.symmetric {
                     self.symmetric = true;
                     self.solver = Some(Box::new(made));
                 }

@@ -7,13 +7,14 @@
 
 use std::sync::Arc;
 
-use wfl_discrete::system::System;
+use wfl_discrete::system::{System, Tangent};
 use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{LinearMethod, SolveError, SolveReport};
+use wfl_sparse::solve::{LinearMethod, Operator, SolveError, SolveReport, Source};
 
 use super::{Kind, LinearSolver};
 use crate::iterative::{self, Iterative, is_of_iteration};
 use crate::plan::ITERATION;
+use crate::without_matrix;
 
 /// Attempts at steps in which a factor may take the place of the iteration, before it does so for good: levels that are made for
 /// nothing cost less than a factor, but not nothing.
@@ -34,14 +35,32 @@ impl LinearSolver {
     pub(super) fn iterate_on_tangents(&mut self, system: &System) -> Result<(), SolveError> {
         let layout = iterative::layout(system).map_err(|_| SolveError::NotFactored)?;
         self.iterative = Some(Iterative::of_tangents(layout, self.options));
+        if system.applies_tangents() {
+            self.kind = Kind::Full(None);
+            return Ok(());
+        }
         self.sum_on(system.bulk(), system.changing_pattern())
+    }
+
+    /// Takes a tangent that is applied; where the iteration is not at work its matrix is assembled for a factor.
+    pub(super) fn take_applied(
+        &mut self,
+        system: &System,
+        tangent: &Tangent,
+        operator: Arc<dyn Operator>,
+    ) -> Result<(), SolveError> {
+        if self.iterates() {
+            return self.take_for_iteration(Source::Applied(operator));
+        }
+        let matrix = without_matrix::assembled_with(system, tangent)?;
+        self.take_for_factor(&matrix, true)
     }
 
     /// Takes a whole tangent: for the iteration where that is at work, else for a factor. Where no factor fits into the memory
     /// the iteration begins.
     pub(super) fn take_tangent(&mut self, system: &System, sum: Csr, keeps: bool) -> Result<(), SolveError> {
         if self.iterates() {
-            return self.take_for_iteration(sum);
+            return self.take_for_iteration(Source::Stored(Arc::new(sum)));
         }
         match self.take_for_factor(&sum, keeps) {
             Err(need @ SolveError::TooMuchMemory(_))
@@ -51,17 +70,16 @@ impl LinearSolver {
                 self.solver = None;
                 self.notes.push(format!("no factor fits into the memory: {ITERATION}"));
                 self.iterative = Some(Iterative::of_tangents(layout, self.options));
-                self.take_for_iteration(sum).map_err(|_| need)
+                self.take_for_iteration(Source::Stored(Arc::new(sum))).map_err(|_| need)
             }
             other => other,
         }
     }
 
-    fn take_for_iteration(&mut self, sum: Csr) -> Result<(), SolveError> {
+    fn take_for_iteration(&mut self, source: Source) -> Result<(), SolveError> {
         let Some(iterative) = &mut self.iterative else { return Err(SolveError::NotFactored) };
-        let matrix = Arc::new(sum);
-        let outcome = iterative.take(&matrix);
-        self.matrix = Some(matrix);
+        let outcome = iterative.take(&source);
+        self.source = Some(source);
         match outcome {
             Err(error) if is_of_iteration(&error) => self.set_aside(error),
             other => other,
@@ -70,7 +88,8 @@ impl LinearSolver {
 
     /// Lets a factor take the place of the iteration, with the matrix at hand; its error where none fits into the memory.
     fn set_aside(&mut self, error: SolveError) -> Result<(), SolveError> {
-        let (Some(iterative), Some(matrix)) = (&mut self.iterative, self.matrix.take()) else { return Err(error) };
+        let Some(iterative) = &mut self.iterative else { return Err(error) };
+        let Some(matrix) = self.source.take().and_then(|source| source.matrix()) else { return Err(error) };
         iterative.set_aside(true);
         match self.factor(&matrix) {
             Err(SolveError::TooMuchMemory(_)) => {
@@ -92,7 +111,7 @@ impl LinearSolver {
 
     /// A new attempt begins: the iteration is tried again, with levels of its own.
     pub(super) fn expire_levels(&mut self) {
-        if !matches!(self.kind, Kind::Full { .. }) {
+        if !matches!(self.kind, Kind::Full(_)) {
             return;
         }
         if let Some(iterative) = &mut self.iterative {
@@ -104,7 +123,7 @@ impl LinearSolver {
     /// Remembers how often factors have taken the place of the iteration.
     pub(super) fn recall_given_way(&mut self, given_way: usize) {
         self.given_way = given_way;
-        if given_way >= MOST_SET_ASIDE && matches!(self.kind, Kind::Full { .. }) {
+        if given_way >= MOST_SET_ASIDE && matches!(self.kind, Kind::Full(_)) {
             self.iterative = None;
         }
     }
@@ -117,15 +136,14 @@ impl LinearSolver {
         tolerance: f64,
     ) -> Result<SolveReport, SolveError> {
         let Some(iterative) = &mut self.iterative else { return Err(SolveError::NotFactored) };
-        let error = match iterative.solve(rhs, x, tolerance, self.matrix.as_ref()) {
+        let error = match iterative.solve(rhs, x, tolerance, self.source.as_ref()) {
             Err(error) if is_of_iteration(&error) => error,
             other => return other,
         };
         if iterative.is_of_tangents() {
             self.set_aside(error)?;
         } else {
-            let assembled = self.operator.take().and_then(|operator| operator.matrix());
-            let Some(matrix) = self.matrix.take().or(assembled) else { return Err(error) };
+            let Some(matrix) = self.source.take().and_then(|source| source.matrix()) else { return Err(error) };
             self.note_factor(&error);
             self.iterative = None;
             self.factor(&matrix)?;
@@ -136,10 +154,16 @@ impl LinearSolver {
 
     /// Whether a symmetric matrix is positive definite by the levels of the iteration; `None` where it is not at work, or where a
     /// factor must tell.
-    pub(super) fn looks_definite(&mut self, matrix: &Csr) -> Option<bool> {
+    pub(super) fn looks_definite(&mut self, source: &Source) -> Option<bool> {
         if !self.iterates_on_tangents() {
             return None;
         }
-        self.iterative.as_mut()?.solver().looks_definite(matrix).ok()?
+        self.iterative.as_mut()?.solver().looks_definite(source).ok()?
+    }
+
+    /// Whether a tangent that is applied is positive definite by the levels of the iteration; false where that is not known.
+    pub fn finds_definite(&mut self, tangent: &Tangent) -> bool {
+        let operator = tangent.operator();
+        operator.is_some_and(|operator| self.looks_definite(&Source::Applied(operator)) == Some(true))
     }
 }

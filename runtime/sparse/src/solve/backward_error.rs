@@ -7,7 +7,7 @@
 
 use wfl_host::team::{Alone, Team};
 
-use super::multigrid::{NodeLayout, Operator};
+use super::multigrid::Operator;
 use super::row_owners::RowOwners;
 use super::scaling::symmetric_scale;
 use super::triangular_solve::Transpose;
@@ -162,12 +162,9 @@ impl BackwardErrorCheck {
     ///
     /// # Errors
     /// As [`Self::set_matrix`].
-    pub(super) fn set_operator(&mut self, operator: &dyn Operator, layout: &NodeLayout) -> Result<(), SolveError> {
+    pub(super) fn set_operator(&mut self, operator: &dyn Operator) -> Result<(), SolveError> {
         self.row_sums.copy_from_slice(operator.row_sums());
-        let (size, blocks) = (layout.components, operator.diagonal_blocks());
-        let entry = |place: usize| blocks[place * size + place % size];
-        let diagonal: Vec<f64> = layout.places.iter().map(|place| entry(*place as usize)).collect();
-        self.take_sums(&[], &diagonal)
+        self.take_sums(&[], operator.diagonal())
     }
 
     /// Looks at the row sums and takes the scale.

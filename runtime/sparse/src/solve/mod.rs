@@ -52,7 +52,10 @@ pub use filtered::FilteredMultigrid;
 pub use inertia::{Inertia, inertia};
 pub use library::{CheckedLibrary, Engine, Equations, Library, Linked, Traits};
 pub use memory::SolverMemory;
-pub use multigrid::{CheckedMultigrid, CoarserLevel, Interpolation, NearNullSpace, NodeLayout, Operator, scale_of};
+pub use multigrid::{
+    CheckedMultigrid, CoarserLevel, FinestLevel, Interpolation, NearNullSpace, NodeLayout, Operator, OperatorLevels,
+    Source, scale_of,
+};
 pub use null_space::{LargestEntries, NullSpace, largest_entries, null_space, triangular};
 pub use ordering::{Ordering, order};
 pub use row_owners::RowOwners;

@@ -129,7 +129,7 @@ impl Forwards<'_, '_> {
 
     /// The tangent on the piece that a direction lies on.
     fn matrix_to_side(&self, step: &PassedStep, one: &Moving) -> Result<Csr, Box<Diagnostic>> {
-        let system = &self.standing.solving.system;
+        let system = &self.standing.solving.system.with_matrix().map_err(|e| not_made(&e.to_string()))?;
         let Some(sided) = &self.sided else { return Err(not_made("laws to one side were not made")) };
         let of = system.values(&step.u);
         let (current, previous) = self.values(&of, one);
@@ -137,8 +137,7 @@ impl Forwards<'_, '_> {
         let mut tangent = system.new_tangent();
         let made = sided.with_stand_ins(values, |others| system.tangent_with(&step.u, others, &mut tangent));
         made.map_err(|e| not_made(&e.to_string()))?;
-        let bulk = system.matrix().map_err(|e| not_made(&e.to_string()))?;
-        bulk.plus(&tangent.changing).map_err(|e| not_made(&e.to_string()))
+        system.whole_matrix(&tangent).map_err(|e| not_made(&e.to_string()))
     }
 
     /// What the equations change by, and by dof the sizes of what the terms add to that: they may cancel.

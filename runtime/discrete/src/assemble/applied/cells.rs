@@ -1,7 +1,8 @@
 //! What is stored of the cells of a group to apply a term there.
 //!
 //! Functions are stored at the points of the reference cell, once a group; maps by cell, or by cell and point where the map is
-//! not affine; entries of the law by cell and point where they change.
+//! not affine. Both stay from state to state. Entries of the law belong to one state: they are stored by cell and point where they
+//! change, or by cell where their means are asked for.
 
 use crate::assemble::{
     applied::number::Number,
@@ -31,6 +32,18 @@ pub(super) struct Functions<T> {
     pub(super) gradient_at: usize,
 }
 
+/// Where an entry of the law stands.
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    /// Among the numbers of a point.
+    test: u16,
+    trial: u16,
+    /// Among the values of the entries.
+    coefficient: usize,
+    /// Derivatives of both slots.
+    derivatives: usize,
+}
+
 /// An entry of the law: the number of a test slot at a point is a sum of entries times those of trial slots.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry<T> {
@@ -47,8 +60,27 @@ pub(super) struct Entry<T> {
 pub(super) enum Factor<T> {
     /// The same at all points.
     Even(T),
-    /// By cell and point, so many lines behind the first of a point.
+    /// Stored, so many lines behind the first of a point.
     Stored(u16),
+}
+
+/// An output of the kernel that is stored.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct StoredOutput {
+    output: usize,
+    derivatives: usize,
+}
+
+/// The entries of the law in a group of cells at a state.
+#[derive(Clone, Debug)]
+pub(super) struct Law<T: Number> {
+    pub(super) entries: Vec<Entry<T>>,
+    /// `[batch][point, unless they are means][stored entry]`
+    pub(super) coefficients: Vec<T::Line>,
+    /// Lines of a point.
+    pub(super) n_stored: usize,
+    /// The lines are means over the points of a cell.
+    pub(super) are_means: bool,
 }
 
 /// The cells of a group, [`Number::LANES`] a batch.
@@ -61,10 +93,11 @@ pub(super) struct Cells<T: Number> {
     /// Numbers of a cell and of a point.
     pub(super) n_local: usize,
     pub(super) n_at_point: usize,
-    pub(super) entries: Vec<Entry<T>>,
-    /// Outputs of the kernel of the law, and which of them are stored by cell and point, in which unit.
+    /// Entries of the law, by test slot.
+    pairs: Vec<Pair>,
+    /// Outputs of the kernel of the law, and which of them are stored.
     n_outputs: usize,
-    pub(super) stored: Vec<(usize, f64)>,
+    stored: Vec<StoredOutput>,
     /// Maps are the same at all points of a cell.
     pub(super) is_affine: bool,
     /// `[batch][point, if not affine][direction][direction]`: derivatives of the reference coordinates, and behind them the
@@ -72,8 +105,6 @@ pub(super) struct Cells<T: Number> {
     pub(super) maps: Vec<T::Line>,
     /// By point: of the rule.
     pub(super) weights: Vec<T>,
-    /// `[batch][point][entry]`: entries that are stored.
-    pub(super) coefficients: Vec<T::Line>,
 }
 
 /// Where the slots of a law stand among the numbers of a point.
@@ -153,44 +184,31 @@ pub(in crate::assemble) struct Group<'a> {
     pub(in crate::assemble) starts: &'a [Option<usize>],
     pub(in crate::assemble) tests: &'a [SlotPlace],
     pub(in crate::assemble) trials: &'a [SlotPlace],
-    /// Entries of the law, and what is the same at all points.
+    /// Entries of the law.
     pub(in crate::assemble) entries: &'a Entries,
-    pub(in crate::assemble) uniforms: &'a [f64],
-}
-
-/// What is stored of the cells of a batch of [`LANES`].
-pub(in crate::assemble) struct Batch<'a> {
-    pub(in crate::assemble) number: usize,
-    /// `[point, if not affine][direction][direction]`, and behind them the measure.
-    pub(in crate::assemble) maps: &'a [Lanes],
-    /// `[point][entry]`, [`LANES`] numbers each.
-    pub(in crate::assemble) outputs: &'a [f64],
 }
 
 impl<T: Number> Cells<T> {
-    /// Without maps and stored entries, which [`Self::take`] brings.
-    pub(super) fn new(group: &Group<'_>, units: Units) -> Self {
+    /// Without maps, which [`Self::take_maps`] brings.
+    pub(super) fn new(group: &Group<'_>) -> Self {
         let slots: Vec<&SlotPlace> = group.tests.iter().chain(group.trials).collect();
         let (dim, layout) = (group.dim, Layout::new(group.binding, &slots, group.dim));
         let of_entry = |(t, s, c): &(usize, usize, usize)| {
             let (test, trial) = (&group.tests[*t], &group.trials[*s]);
-            let unit = units.of_entry(dim, test.op.order() + trial.op.order());
-            (layout.of(test, dim), layout.of(trial, dim), *c, unit)
+            let derivatives = test.op.order() + trial.op.order();
+            Pair { test: layout.of(test, dim), trial: layout.of(trial, dim), coefficient: *c, derivatives }
         };
-        let mut list: Vec<(u16, u16, usize, f64)> = group.entries.list.iter().map(of_entry).collect();
-        list.sort_unstable_by_key(|(test, trial, c, _)| (*test, *trial, *c));
-        let (mut before, mut stored) = (None, Vec::new());
-        let entries = list.into_iter().map(|(test, trial, c, unit)| Entry {
-            test,
-            trial,
-            is_first: before.replace(test) != Some(test),
-            factor: match group.entries.coefficients[c] {
-                Coefficient::Constant(value) => Factor::Even(T::of(unit * value)),
-                Coefficient::Uniform(u) => Factor::Even(T::of(unit * group.uniforms[u])),
-                Coefficient::Output(k) => Factor::Stored(place_of(&mut stored, (k, unit))),
-            },
-        });
-        let entries = entries.collect();
+        let mut pairs: Vec<Pair> = group.entries.list.iter().map(of_entry).collect();
+        pairs.sort_unstable_by_key(|pair| (pair.test, pair.trial, pair.coefficient));
+        let mut stored = Vec::new();
+        for pair in &pairs {
+            if let Coefficient::Output(output) = group.entries.coefficients[pair.coefficient] {
+                let wanted = StoredOutput { output, derivatives: pair.derivatives };
+                if !stored.contains(&wanted) {
+                    stored.push(wanted);
+                }
+            }
+        }
         let n_batches = group.n_cells.div_ceil(T::LANES);
         let n_maps = n_batches * (dim * dim + 1) * if group.is_affine { 1 } else { group.weights.len() };
         Self {
@@ -200,36 +218,80 @@ impl<T: Number> Cells<T> {
             functions: functions(group, &layout),
             n_local: group.binding.n_dofs(),
             n_at_point: layout.n,
-            entries,
+            pairs,
             n_outputs: group.entries.n_outputs,
+            stored,
             is_affine: group.is_affine,
             maps: vec![T::Line::default(); n_maps],
             weights: group.weights.iter().map(|w| T::of(*w)).collect(),
-            coefficients: vec![T::Line::default(); n_batches * group.weights.len() * stored.len()],
-            stored,
         }
     }
 
-    /// Takes the maps and the entries of a batch of [`LANES`] cells; lanes past the last cell repeat it.
-    pub(super) fn take(&mut self, batch: &Batch<'_>, units: Units) {
+    /// Takes the maps of a batch of [`LANES`] cells, `[point, if not affine][direction][direction]` and behind them the measure;
+    /// lanes past the last cell repeat it.
+    pub(super) fn take_maps(&mut self, number: usize, maps: &[Lanes], units: Units) {
         let halves = T::LANES / LANES;
-        let (own, offset) = (batch.number / halves, batch.number % halves * LANES);
-        let (n_maps, n_coefficients) = (batch.maps.len(), self.n_points * self.stored.len());
-        let is_last = (batch.number + 1) * LANES >= self.n_cells;
-        let lanes = if is_last { offset..T::LANES } else { offset..offset + LANES };
-        for lane in lanes {
-            let from = (lane - offset).min(LANES - 1);
-            let lines = self.maps[own * n_maps..][..n_maps].iter_mut();
-            for (k, (line, map)) in lines.zip(batch.maps).enumerate() {
+        let n_maps = maps.len();
+        let (own, lanes) = (number / halves, self.lanes(number));
+        let lines = self.maps[own * n_maps..][..n_maps].iter_mut();
+        for (k, (line, map)) in lines.zip(maps).enumerate() {
+            for (lane, from) in lanes.clone().zip((0..LANES).chain(std::iter::repeat(LANES - 1))) {
                 *T::lane_mut(line, lane) = T::of(units.of_map(self.dim, k) * map[from]);
             }
-            let lines = self.coefficients[own * n_coefficients..][..n_coefficients].iter_mut();
-            let places = (0..self.n_points).flat_map(|q| self.stored.iter().map(move |stored| (q, stored)));
-            for (line, (q, (output, unit))) in lines.zip(places) {
-                let value = batch.outputs[(q * self.n_outputs + output) * LANES + from];
-                *T::lane_mut(line, lane) = T::of(unit * value);
-            }
         }
+    }
+
+    /// The lanes of a batch of [`LANES`] cells; the last one takes those past it, too.
+    fn lanes(&self, number: usize) -> std::ops::Range<usize> {
+        let offset = number % (T::LANES / LANES) * LANES;
+        let is_last = (number + 1) * LANES >= self.n_cells;
+        offset..if is_last { T::LANES } else { offset + LANES }
+    }
+
+    /// The entries of the law without what is stored of them, which [`Self::take_outputs`] brings; `uniforms` are those of the
+    /// step.
+    pub(super) fn law(&self, entries: &Entries, uniforms: &[f64], units: Units, are_means: bool) -> Law<T> {
+        let mut before = None;
+        let of_pair = |pair: &Pair| {
+            let unit = units.of_entry(self.dim, pair.derivatives);
+            let wanted = |output| StoredOutput { output, derivatives: pair.derivatives };
+            let place = |output| self.stored.iter().position(|known| *known == wanted(output)).unwrap_or(0);
+            Entry {
+                test: pair.test,
+                trial: pair.trial,
+                is_first: before.replace(pair.test) != Some(pair.test),
+                factor: match entries.coefficients[pair.coefficient] {
+                    Coefficient::Constant(value) => Factor::Even(T::of(unit * value)),
+                    Coefficient::Uniform(u) => Factor::Even(T::of(unit * uniforms[u])),
+                    Coefficient::Output(k) => Factor::Stored(u16::try_from(place(k)).expect("few entries")),
+                },
+            }
+        };
+        let entries = self.pairs.iter().map(of_pair).collect();
+        let n_stored = self.stored.len();
+        let n = self.n_batches() * n_stored * if are_means { 1 } else { self.n_points };
+        Law { entries, coefficients: vec![T::Line::default(); n], n_stored, are_means }
+    }
+
+    /// Takes the outputs of the kernel in a batch of [`LANES`] cells, `[point][output]` with [`LANES`] numbers each, into the
+    /// lines of a batch. False if a number is not finite.
+    pub(super) fn take_outputs(&self, number: usize, outputs: &[f64], lines: &mut [T::Line], units: Units) -> bool {
+        let (lanes, n, mut finite) = (self.lanes(number), self.stored.len(), true);
+        for (k, line) in lines.iter_mut().enumerate() {
+            let (q, stored) = (k / n, self.stored[k % n]);
+            let unit = units.of_entry(self.dim, stored.derivatives);
+            let values = &outputs[(q * self.n_outputs + stored.output) * LANES..][..LANES];
+            for (lane, from) in lanes.clone().zip((0..LANES).chain(std::iter::repeat(LANES - 1))) {
+                *T::lane_mut(line, lane) = T::of(unit * values[from]);
+            }
+            finite &= values.iter().all(|value| value.is_finite());
+        }
+        finite
+    }
+
+    /// Lines of the law in a batch.
+    pub(super) fn n_lines(&self, are_means: bool) -> usize {
+        self.stored.len() * if are_means { 1 } else { self.n_points }
     }
 
     /// Number of batches.
@@ -243,17 +305,51 @@ impl<T: Number> Cells<T> {
             .functions
             .iter()
             .map(|f| size_of::<T>() * (f.values.len() + f.gradients.len()) + size_of::<u32>() * f.dofs.len());
-        functions.sum::<usize>() + size_of::<T::Line>() * (self.maps.len() + self.coefficients.len())
+        functions.sum::<usize>() + size_of::<T::Line>() * self.maps.len()
     }
 }
 
-/// The place of something in a list that has each once.
-fn place_of(list: &mut Vec<(usize, f64)>, wanted: (usize, f64)) -> u16 {
-    let at = list.iter().position(|known| *known == wanted).unwrap_or_else(|| {
-        list.push(wanted);
-        list.len() - 1
-    });
-    u16::try_from(at).expect("few entries")
+impl Cells<f64> {
+    /// The outputs of the kernel in a batch as [`Self::take_outputs`] took them, `[point][output]`; outputs that no entry needs hold
+    /// any numbers.
+    pub(super) fn give_outputs(&self, number: usize, law: &Law<f64>, units: Units, outputs: &mut Vec<f64>) {
+        outputs.resize(self.n_points * self.n_outputs * LANES, 0.0);
+        let n = self.n_lines(false);
+        let lines = &law.coefficients[number * n..][..n];
+        for (k, line) in lines.iter().enumerate() {
+            let (q, stored) = (k / self.stored.len(), self.stored[k % self.stored.len()]);
+            let unit = units.of_entry(self.dim, stored.derivatives).recip();
+            let values = &mut outputs[(q * self.n_outputs + stored.output) * LANES..][..LANES];
+            values.iter_mut().zip(&line.0).for_each(|(value, x)| *value = unit * x);
+        }
+    }
+
+    /// The same as means over the points of each cell, repeated for so many points.
+    pub(super) fn give_means(&self, number: usize, law: &Law<f64>, units: Units, of: (usize, &mut Vec<f64>)) {
+        let (n_points, outputs) = of;
+        outputs.resize(n_points * self.n_outputs * LANES, 0.0);
+        let (n, n_stored, n_map) = (self.n_lines(false), self.stored.len(), self.dim * self.dim + 1);
+        let lines = &law.coefficients[number * n..][..n];
+        let weight = |q: usize| {
+            let place = if self.is_affine { number } else { number * self.n_points + q };
+            let measure = &self.maps[place * n_map + n_map - 1].0;
+            measure.map(|measure| measure * self.weights[q])
+        };
+        let weights: Vec<[f64; LANES]> = (0..self.n_points).map(weight).collect();
+        let whole: [f64; LANES] = std::array::from_fn(|lane| weights.iter().map(|w| w[lane]).sum());
+        for (k, stored) in self.stored.iter().enumerate() {
+            let unit = units.of_entry(self.dim, stored.derivatives).recip();
+            let mut mean = [0.0; LANES];
+            for (q, weight) in weights.iter().enumerate() {
+                let line = &lines[q * n_stored + k].0;
+                mean.iter_mut().zip(line).zip(weight).for_each(|((mean, x), w)| *mean += w * x);
+            }
+            mean.iter_mut().zip(&whole).for_each(|(mean, whole)| *mean *= unit / whole);
+            for q in 0..n_points {
+                outputs[(q * self.n_outputs + stored.output) * LANES..][..LANES].copy_from_slice(&mean);
+            }
+        }
+    }
 }
 
 /// The fields of a group.

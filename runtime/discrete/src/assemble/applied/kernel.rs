@@ -6,13 +6,14 @@
 use pulp::{Simd, WithSimd};
 
 use crate::assemble::applied::{
-    cells::{Cells, Factor, Functions},
+    cells::{Cells, Factor, Functions, Law},
     number::Number,
 };
 
 /// A batch with its memory: nodal values, what comes out by node, and the numbers of a point before and behind the law.
 pub(super) struct Action<'a, T: Number> {
     pub(super) cells: &'a Cells<T>,
+    pub(super) law: &'a Law<T>,
     pub(super) batch: usize,
     pub(super) local: &'a [T::Line],
     pub(super) out: &'a mut [T::Line],
@@ -61,7 +62,7 @@ impl<T: Number> Action<'_, T> {
                         _ => point.evaluate::<3>(functions, self.local, self.trials),
                     }
                 }
-                law(cells, self.batch, &point, self.trials, self.fluxes);
+                law(self.law, [self.batch, cells.n_points], &point, self.trials, self.fluxes);
                 for functions in &cells.functions {
                     match functions.n_components {
                         1 => point.integrate::<1>(functions, self.fluxes, self.out),
@@ -74,19 +75,20 @@ impl<T: Number> Action<'_, T> {
     }
 }
 
-/// The entries of the law times the numbers of the trial slots at a point.
+/// The entries of the law times the numbers of the trial slots at a point; `at` is the batch and how many points it has.
 #[inline(always)]
 fn law<T: Number, S: Simd, const D: usize>(
-    cells: &Cells<T>,
-    batch: usize,
+    law: &Law<T>,
+    at: [usize; 2],
     point: &Point<T, S, D>,
     trials: &[T::Line],
     fluxes: &mut [T::Line],
 ) {
-    let (simd, p, n) = (point.simd, point.p, cells.stored.len());
-    let stored = &cells.coefficients[(batch * cells.n_points + point.q) * n..][..n];
+    let ([batch, n_points], simd, p, n) = (at, point.simd, point.p, law.n_stored);
+    let place = if law.are_means { batch } else { batch * n_points + point.q };
+    let stored = &law.coefficients[place * n..][..n];
     let mut sum = T::splat(simd, T::default());
-    for entry in &cells.entries {
+    for entry in &law.entries {
         let factor = match entry.factor {
             Factor::Even(value) => T::splat(simd, value),
             Factor::Stored(k) => T::load::<S>(&stored[usize::from(k)], p),

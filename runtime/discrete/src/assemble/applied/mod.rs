@@ -1,8 +1,8 @@
-//! A linear term that is applied to vectors, cell by cell, without a matrix.
+//! A term that is applied to vectors, cell by cell, without a matrix: a linear one, or the tangent of one at a state.
 //!
-//! What is stored is what does not change from product to product: functions at the points of the reference cell, maps of the
-//! cells, entries of the law where they are not the same everywhere. In double precision for residuals, in single precision
-//! for preconditioners. Promises: the same bits for any number of threads. Does not know which dofs are prescribed.
+//! What does not change from state to state is a [`Skeleton`]: functions at the points of the reference cell, dofs and maps of
+//! the cells, and who computes what. An [`AppliedTerm`] has the entries of the law beside it. In double precision for residuals, in
+//! single precision for preconditioners. Promises: the same bits for any number of threads. Does not know which dofs are prescribed.
 
 mod cells;
 mod kernel;
@@ -10,79 +10,135 @@ mod number;
 mod peak;
 mod portions;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{
+    Arc, Mutex, PoisonError,
+    atomic::{AtomicBool, Ordering},
+};
 
 use pulp::Arch;
 use rayon::prelude::*;
+use wfl_compiler::ir::LANES;
 
-pub(in crate::assemble) use cells::{Batch, Group, Units};
-use cells::{Cells, Functions};
+pub(in crate::assemble) use cells::{Group, Units};
+use cells::{Cells, Functions, Law};
 use kernel::Action;
-use number::Number;
+pub(crate) use number::Number;
 pub use peak::products_per_second;
 use portions::{Duty, Portions};
 
-/// A linear term on cells.
-pub(crate) struct AppliedTerm {
-    double: Precise<f64>,
-    single: Precise<f32>,
-}
+use super::entries::Entries;
+use super::simd::Lanes;
 
-/// The same in one precision.
-struct Precise<T: Number> {
+/// The cells of a term and what they have in every state.
+pub(crate) struct Skeleton<T: Number> {
     groups: Vec<Cells<T>>,
     n_dofs: usize,
-    units: Units,
+    /// About the size of a cell, a power of two (length).
+    length: f64,
     arch: Arch,
     /// For the number of threads that applied it last.
     portions: Mutex<Option<Arc<Portions>>>,
 }
 
-impl AppliedTerm {
-    /// On groups of cells of about this size, for vectors of so many dofs; in single precision entries are multiplied by
-    /// `scale`. Maps and stored entries come with [`Self::take`].
-    pub(super) fn new(groups: &[Group<'_>], n_dofs: usize, length: f64, scale: f64) -> Self {
+/// The entries of a law at a state, in the cells of a term.
+pub(crate) struct AppliedTerm<T: Number> {
+    skeleton: Arc<Skeleton<T>>,
+    /// By group.
+    laws: Vec<Law<T>>,
+    /// Entries are multiplied by it.
+    factor: f64,
+}
+
+/// How entries of a law are kept.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::assemble) struct Keeping<'a> {
+    pub(in crate::assemble) entries: &'a Entries,
+    /// What is the same at all points.
+    pub(in crate::assemble) uniforms: &'a [f64],
+    /// They are multiplied by it.
+    pub(in crate::assemble) factor: f64,
+    /// Those of the first point stand for all points of a cell.
+    pub(in crate::assemble) are_means: bool,
+}
+
+impl<T: Number> Skeleton<T> {
+    /// Of groups of cells of about this size, for vectors of so many dofs. Maps come with [`Self::take_maps`].
+    pub(super) fn new(groups: &[Group<'_>], n_dofs: usize, length: f64) -> Self {
+        let groups = groups.iter().map(Cells::new).collect();
         let length = Units::power_of_two(length);
-        let (double, single) = (Units { length, factor: 1.0 }, Units { length, factor: scale });
-        Self { double: Precise::new(groups, n_dofs, double), single: Precise::new(groups, n_dofs, single) }
+        Self { groups, n_dofs, length, arch: Arch::new(), portions: Mutex::default() }
     }
 
-    /// Takes what is stored of a batch of a group.
-    pub(super) fn take(&mut self, group: usize, batch: &Batch<'_>) {
-        self.double.take(group, batch);
-        self.single.take(group, batch);
+    /// Takes the maps of batch `number` of [`LANES`] cells of a group.
+    pub(super) fn take_maps(&mut self, group: usize, number: usize, maps: &[Lanes]) {
+        let units = self.units(1.0);
+        self.groups[group].take_maps(number, maps, units);
     }
 
-    /// `out = out + A u`, both by dof.
-    pub(crate) fn add(&self, u: &[f64], out: &mut [f64]) {
-        self.double.add(u, out);
+    fn units(&self, factor: f64) -> Units {
+        Units { length: self.length, factor }
     }
 
-    /// The same times the scale, in single precision.
-    pub(crate) fn add_single(&self, u: &[f32], out: &mut [f32]) {
-        self.single.add(u, out);
+    /// Whether cells of a group have one map.
+    pub(super) fn is_affine(&self, group: usize) -> bool {
+        self.groups[group].is_affine
+    }
+
+    /// The entries of a law in these cells: `outputs(memory, group, number, out)` gives those of its kernel in batch `number` of
+    /// [`LANES`] cells. `None` if a number is not finite.
+    pub(super) fn with_law<M: Default>(
+        self: &Arc<Self>,
+        keeping: Keeping<'_>,
+        outputs: impl Fn(&mut M, usize, usize, &mut Vec<f64>) + Sync,
+    ) -> Option<AppliedTerm<T>> {
+        let Keeping { entries, uniforms, factor, are_means } = keeping;
+        let (units, finite) = (self.units(factor), AtomicBool::new(true));
+        let of_group = |(g, cells): (usize, &Cells<T>)| {
+            let mut law = cells.law(entries, uniforms, units, are_means);
+            let n = cells.n_lines(are_means);
+            if n > 0 {
+                let halves = T::LANES / LANES;
+                let memory = || (M::default(), Vec::new());
+                law.coefficients.par_chunks_mut(n).enumerate().for_each_init(memory, |(memory, out), (batch, lines)| {
+                    let of_batch = (batch * halves..(batch + 1) * halves).filter(|k| k * LANES < cells.n_cells);
+                    for number in of_batch {
+                        outputs(memory, g, number, out);
+                        if !cells.take_outputs(number, out, lines, units) {
+                            finite.store(false, Ordering::Relaxed);
+                        }
+                    }
+                });
+            }
+            law
+        };
+        let laws = self.groups.iter().enumerate().map(of_group).collect();
+        let made = AppliedTerm { skeleton: Arc::clone(self), laws, factor };
+        finite.into_inner().then_some(made)
     }
 
     /// By dof the largest magnitude in the cells around it, if it is larger than what stands there.
-    pub(crate) fn largest_nearby(&self, u: &[f64], out: &mut [f64]) {
-        self.double.largest_nearby(u, out);
-    }
-
-    /// Bytes that are stored.
-    pub(crate) fn bytes(&self) -> usize {
-        let of_double: usize = self.double.groups.iter().map(Cells::bytes).sum();
-        of_double + self.single.groups.iter().map(Cells::bytes).sum::<usize>()
-    }
-}
-
-impl<T: Number> Precise<T> {
-    fn new(groups: &[Group<'_>], n_dofs: usize, units: Units) -> Self {
-        let groups = groups.iter().map(|group| Cells::new(group, units)).collect();
-        Self { groups, n_dofs, units, arch: Arch::new(), portions: Mutex::default() }
-    }
-
-    fn take(&mut self, group: usize, batch: &Batch<'_>) {
-        self.groups[group].take(batch, self.units);
+    pub(crate) fn largest_nearby(&self, u: &[T], out: &mut [T]) {
+        let larger = |a: T, b: T| if a < b { b } else { a };
+        for cells in &self.groups {
+            for batch in 0..cells.n_batches() {
+                let dofs = || cells.functions.iter().map(|of| (of, of.dofs_of(batch)));
+                for lane in 0..T::LANES {
+                    let mut largest = T::default();
+                    for (of, dofs) in dofs() {
+                        for dof in dofs.iter().skip(lane).step_by(T::LANES) {
+                            let node = &u[*dof as usize..][..of.n_components];
+                            largest = node.iter().fold(largest, |largest, x| larger(largest, x.size()));
+                        }
+                    }
+                    for (of, dofs) in dofs() {
+                        for dof in dofs.iter().skip(lane).step_by(T::LANES) {
+                            let node = &mut out[*dof as usize..][..of.n_components];
+                            node.iter_mut().for_each(|slot| *slot = larger(*slot, largest));
+                        }
+                    }
+                }
+            }
+        }
     }
 
     /// Who computes what on the threads of the current pool that are worth while.
@@ -95,8 +151,26 @@ impl<T: Number> Precise<T> {
         }
     }
 
-    fn add(&self, u: &[T], out: &mut [T]) {
-        let portions = self.portions();
+    /// Bytes that are stored.
+    pub(crate) fn bytes(&self) -> usize {
+        self.groups.iter().map(Cells::bytes).sum()
+    }
+}
+
+impl<T: Number> AppliedTerm<T> {
+    /// The cells.
+    pub(crate) fn skeleton(&self) -> &Arc<Skeleton<T>> {
+        &self.skeleton
+    }
+
+    /// Bytes that are stored, those of the cells aside.
+    pub(crate) fn bytes(&self) -> usize {
+        self.laws.iter().map(|law| size_of_val(&law.coefficients[..])).sum()
+    }
+
+    /// `out = out + factor A u`, both by dof.
+    pub(crate) fn add(&self, u: &[T], out: &mut [T]) {
+        let portions = self.skeleton.portions();
         let out = T::shared(out);
         let one = |me: usize| {
             let mut memory = Memory::default();
@@ -119,7 +193,7 @@ impl<T: Number> Precise<T> {
         memory: &mut Memory<T>,
         owned: impl Fn(u32) -> bool + Copy,
     ) {
-        let cells = &self.groups[duty.group];
+        let (cells, law) = (&self.skeleton.groups[duty.group], &self.laws[duty.group]);
         memory.fit(duty.group, cells);
         for of in &cells.functions {
             match of.n_components {
@@ -129,7 +203,7 @@ impl<T: Number> Precise<T> {
             }
         }
         let Memory { local, out: by_node, trials, fluxes, .. } = memory;
-        self.arch.dispatch(Action { cells, batch: duty.batch, local, out: by_node, trials, fluxes });
+        self.skeleton.arch.dispatch(Action { cells, law, batch: duty.batch, local, out: by_node, trials, fluxes });
         let n_cells = T::LANES.min(cells.n_cells - duty.batch * T::LANES);
         for of in &cells.functions {
             let to = Scatter { out, batch: duty.batch, n_cells };
@@ -140,29 +214,19 @@ impl<T: Number> Precise<T> {
             }
         }
     }
+}
 
-    fn largest_nearby(&self, u: &[T], out: &mut [T]) {
-        let larger = |a: T, b: T| if a < b { b } else { a };
-        for cells in &self.groups {
-            for batch in 0..cells.n_batches() {
-                let dofs = || cells.functions.iter().map(|of| (of, of.dofs_of(batch)));
-                for lane in 0..T::LANES {
-                    let mut largest = T::default();
-                    for (of, dofs) in dofs() {
-                        for dof in dofs.iter().skip(lane).step_by(T::LANES) {
-                            let node = &u[*dof as usize..][..of.n_components];
-                            largest = node.iter().fold(largest, |largest, x| larger(largest, x.size()));
-                        }
-                    }
-                    for (of, dofs) in dofs() {
-                        for dof in dofs.iter().skip(lane).step_by(T::LANES) {
-                            let node = &mut out[*dof as usize..][..of.n_components];
-                            node.iter_mut().for_each(|slot| *slot = larger(*slot, largest));
-                        }
-                    }
-                }
-            }
-        }
+impl AppliedTerm<f64> {
+    /// The outputs of the kernel in batch `number` of a group, `[point][output]`; those that no entry needs are any numbers.
+    pub(super) fn give_outputs(&self, group: usize, number: usize, outputs: &mut Vec<f64>) {
+        let (cells, units) = (&self.skeleton.groups[group], self.skeleton.units(self.factor));
+        cells.give_outputs(number, &self.laws[group], units, outputs);
+    }
+
+    /// The same as means over the points of each cell, for so many points.
+    pub(super) fn give_means(&self, group: usize, number: usize, n_points: usize, outputs: &mut Vec<f64>) {
+        let (cells, units) = (&self.skeleton.groups[group], self.skeleton.units(self.factor));
+        cells.give_means(number, &self.laws[group], units, (n_points, outputs));
     }
 }
 

@@ -12,7 +12,7 @@ use crate::assemble::{shared, simd::Lanes};
 /// Numbers of single precision in a line of the cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
-pub(in crate::assemble) struct Singles(pub(super) [f32; 16]);
+pub(crate) struct Singles(pub(super) [f32; 16]);
 
 impl Default for Singles {
     fn default() -> Self {
@@ -21,11 +21,11 @@ impl Default for Singles {
 }
 
 /// Numbers of a precision.
-pub(super) trait Number: Copy + Default + Send + Sync + PartialOrd + 'static {
+pub(crate) trait Number: Copy + Default + Send + Sync + PartialOrd + 'static {
     /// So many of them in a line.
     const LANES: usize;
     /// A line.
-    type Line: Copy + Default + Send + Sync;
+    type Line: Copy + Default + Send + Sync + std::fmt::Debug;
     /// A vector of the processor.
     type Vector<S: Simd>: Copy;
     /// A number that one thread adds to.

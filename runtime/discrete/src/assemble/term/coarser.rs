@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 
 use super::{AssembledTerm, contract::TangentPlan, local_dofs};
 use crate::assemble::{Basis, Integrator, binding::GroupBinding};
-use crate::domain::Group;
+use crate::domain::{Domain, Group};
 use crate::field::{Field, FieldSpace};
 use crate::space::Support;
 use wfl_compiler::types::Side;
@@ -51,12 +51,17 @@ impl AssembledTerm {
             }
             groups.push(GroupBinding::new(mesh, group, bases));
         }
-        let binding = Arc::new(binding.with_groups(groups));
-        let plans = (0..binding.groups.len()).map(|g| Arc::new(TangentPlan::new(&binding, g, &self.entries))).collect();
-        let all = binding.groups.iter().zip(&domain.groups);
+        let all = groups.iter().zip(&domain.groups);
         let dofs = all.map(|(bound, group)| local_dofs(bound, group.entities.len(), starts)).collect();
-        let assembled = Integrator { domain: Arc::clone(domain), binding };
-        Ok(Self {
+        Ok(self.with_functions(Arc::clone(domain), groups, dofs))
+    }
+
+    /// The same law on another domain, or with other functions and dofs there.
+    pub(super) fn with_functions(&self, domain: Arc<Domain>, groups: Vec<GroupBinding>, dofs: Vec<Vec<u32>>) -> Self {
+        let binding = Arc::new(self.assembled.binding.with_groups(groups));
+        let plans = (0..binding.groups.len()).map(|g| Arc::new(TangentPlan::new(&binding, g, &self.entries))).collect();
+        let assembled = Integrator { domain, binding };
+        Self {
             integrator: assembled.clone(),
             assembled,
             dofs: Arc::new(dofs),
@@ -66,7 +71,7 @@ impl AssembledTerm {
             kept: Default::default(),
             workspaces: Mutex::default(),
             ..self.clone()
-        })
+        }
     }
 }
 

@@ -66,6 +66,7 @@ impl Clone for AssembledTerm {
             kept: [kept(0), kept(1)],
             workspaces: Mutex::default(),
             moving: self.moving.clone(),
+            given: self.given.clone(),
         }
     }
 }

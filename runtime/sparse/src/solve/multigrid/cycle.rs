@@ -3,12 +3,10 @@
 //! Promises: the same bits for any number of threads; the same operator every time, up to the rounding of single
 //! precision. Does not look at residuals.
 
-use std::sync::Arc;
-
 use super::super::SolveError;
 use super::hierarchy::Hierarchy;
 use super::nodes::{NodeLayout, NodeRows};
-use super::operator::Operator;
+use super::operator::OperatorLevels;
 use crate::csr::Csr;
 use crate::index::NONE;
 use crate::norm::largest;
@@ -38,10 +36,11 @@ impl Cycle {
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub(in crate::solve) fn of_operator(operator: &Arc<dyn Operator>, layout: &NodeLayout) -> Result<Self, SolveError> {
-        let hierarchy = Hierarchy::of_operator(operator, layout)?;
+    pub(in crate::solve) fn of_operator(levels: OperatorLevels, layout: &NodeLayout) -> Result<Self, SolveError> {
+        let scale = levels.scale;
+        let hierarchy = Hierarchy::of_operator(levels, layout)?;
         let zeros = || vec![0.0f32; layout.points.len() * layout.components];
-        Ok(Self { hierarchy, scale: operator.scale(), b: zeros(), x: zeros() })
+        Ok(Self { hierarchy, scale, b: zeros(), x: zeros() })
     }
 
     /// `z` = one cycle for the residual `r`; `places` are those of the layout.

@@ -7,15 +7,13 @@
 //! Promises: a cycle is the same symmetric operator every time, up to rounding, with the same bits for any number of
 //! threads.
 
-use std::sync::Arc;
-
 use wfl_host::team::Alone;
 
 use super::aggregate::aggregates;
 use super::blocks::{Blocks, Real, Rows, Transfer};
 use super::level::{Level, Product, inverted_blocks, inverted_diagonal};
 use super::nodes::{NodeLayout, NodeRows};
-use super::operator::{Finest, Operator};
+use super::operator::{Finest, OperatorLevels};
 use super::prolongation::{Coarsened, interpolated, smoothed};
 use crate::csr::{Csr, Pattern};
 use crate::solve::SolveError;
@@ -192,15 +190,17 @@ impl Hierarchy {
     ///
     /// # Errors
     /// As [`Self::new`]; [`SolveError::NotFactored`] for a layout without that level.
-    pub(super) fn of_operator(operator: &Arc<dyn Operator>, layout: &NodeLayout) -> Result<Self, SolveError> {
-        let (k, size, scale) = (layout.n_modes(), layout.components, operator.scale());
+    pub(super) fn of_operator(of: OperatorLevels, layout: &NodeLayout) -> Result<Self, SolveError> {
+        let OperatorLevels { finest, scale, blocks, coarser } = of;
+        let (k, size) = (layout.n_modes(), layout.components);
         let given = layout.interpolation.as_ref().ok_or(SolveError::NotFactored)?;
-        let inverse = inverted_blocks(operator.diagonal_blocks(), size, 1.0 / scale)?;
-        let level = Level::new(Finest::applied(Arc::clone(operator), layout.points.len(), size), &inverse);
+        let inverse = inverted_blocks(&blocks, size, 1.0 / scale)?;
+        let level = Level::new(Finest::applied(finest, layout.points.len(), size), &inverse);
+        drop((blocks, inverse));
         let coarsened = interpolated(layout, given, &layout.mode_values(layout.extent(&Alone)), k);
-        let coarser = operator.coarser();
         let matrix = [&coarser.matrix];
-        let a = Blocks::rounded(&NodeRows::of_coarser(&matrix, coarser, size, scale))?;
+        let a = Blocks::rounded(&NodeRows::of_coarser(&matrix, &coarser, size, scale))?;
+        drop(coarser);
         Self::below(level, coarsened, a, Aggregation { k, threshold: WEAK })
     }
 

@@ -29,5 +29,5 @@ mod wear;
 
 pub(super) use cycle::Cycle;
 pub use nodes::{Interpolation, NearNullSpace, NodeLayout, scale_of};
-pub use operator::{CoarserLevel, Operator};
-pub use solver::CheckedMultigrid;
+pub use operator::{CoarserLevel, FinestLevel, Operator, OperatorLevels};
+pub use solver::{CheckedMultigrid, Source};

@@ -23,6 +23,30 @@ pub struct CoarserLevel {
     pub n_nodes: usize,
 }
 
+/// The finest level of an operator.
+///
+/// Promises of who implements it: the same bits for any number of threads, and the same linear map every time.
+pub trait FinestLevel: Send + Sync {
+    /// `y = scale A x` in single precision, both by place of the layout; `y = x` at places that are not solved for.
+    fn apply(&self, x: &[f32], y: &mut [f32]);
+
+    /// Bytes that it holds.
+    fn bytes(&self) -> usize;
+}
+
+/// What the levels of an operator are made of: they may be those of a matrix near it.
+pub struct OperatorLevels {
+    /// The finest one.
+    pub finest: Arc<dyn FinestLevel>,
+    /// A power of two that brings the largest entry to about 1.
+    pub scale: f64,
+    /// By node of the layout a matrix of its components, row by row: the diagonal blocks of the matrix, one over
+    /// the scale on the diagonal where a place is not solved for.
+    pub blocks: Vec<f64>,
+    /// The first coarser one.
+    pub coarser: CoarserLevel,
+}
+
 /// A symmetric matrix over the unknowns of a layout that is applied and not stored.
 ///
 /// Promises of who implements it: the same bits for any number of threads, and the same linear map every time.
@@ -33,24 +57,17 @@ pub trait Operator: Send + Sync {
     /// `y = A x`, both by row.
     fn apply(&self, x: &[f64], y: &mut [f64]);
 
-    /// `y = scale A x` in single precision, both by place of the layout; `y = x` at places that are not solved for.
-    fn apply_single(&self, x: &[f32], y: &mut [f32]);
+    /// The diagonal, about.
+    fn diagonal(&self) -> &[f64];
 
-    /// A power of two that brings the largest entry to about 1.
-    fn scale(&self) -> f64;
-
-    /// By node of the layout a matrix of its components, row by row: the diagonal blocks of the matrix, one over
-    /// the scale on the diagonal where a place is not solved for.
-    fn diagonal_blocks(&self) -> &[f64];
-
-    /// By row the sum of the magnitudes of the entries, from above.
+    /// By row the sum of the magnitudes of the entries, about from above.
     fn row_sums(&self) -> &[f64];
 
     /// By row `|A| |x|`, about from above: the row sum times the largest of the unknowns that the row couples with.
     fn sizes(&self, x: &[f64], out: &mut [f64]);
 
-    /// The first coarser level.
-    fn coarser(&self) -> &CoarserLevel;
+    /// What its levels are made of, made now; `None` where that cannot be.
+    fn levels(&self) -> Option<OperatorLevels>;
 
     /// The matrix itself, assembled now: where a solution needs a factor, or is to be explained. `None` where it cannot be made.
     fn matrix(&self) -> Option<Arc<Csr>>;
@@ -65,9 +82,9 @@ pub(super) enum Finest {
     Applied(Applied),
 }
 
-/// An operator with room for a product.
+/// A level that is applied, with room for a product.
 pub(super) struct Applied {
-    operator: Arc<dyn Operator>,
+    level: Arc<dyn FinestLevel>,
     size: usize,
     product: Vec<f32>,
 }
@@ -81,9 +98,9 @@ impl Finest {
         Blocks::rounded(matrix).map(Self::Stored)
     }
 
-    /// An operator over so many nodes of so many components.
-    pub(super) fn applied(operator: Arc<dyn Operator>, n_nodes: usize, size: usize) -> Self {
-        Self::Applied(Applied { operator, size, product: vec![0.0; n_nodes * size] })
+    /// A level over so many nodes of so many components.
+    pub(super) fn applied(level: Arc<dyn FinestLevel>, n_nodes: usize, size: usize) -> Self {
+        Self::Applied(Applied { level, size, product: vec![0.0; n_nodes * size] })
     }
 }
 
@@ -105,7 +122,7 @@ impl Product<f32> for Finest {
     fn bytes(&self) -> usize {
         match self {
             Self::Stored(blocks) => blocks.bytes(),
-            Self::Applied(applied) => applied.operator.bytes() + size_of_val(&applied.product[..]),
+            Self::Applied(applied) => applied.level.bytes() + size_of_val(&applied.product[..]),
         }
     }
 
@@ -119,7 +136,7 @@ impl Product<f32> for Finest {
 
 impl Applied {
     fn for_each_row(&mut self, x: &[f32], out: &mut [f32], then: impl Fn(usize, &[f32], &mut [f32]) + Sync) {
-        self.operator.apply_single(x, &mut self.product);
+        self.level.apply(x, &mut self.product);
         let (size, product) = (self.size, &self.product);
         out.par_chunks_mut(size * ROWS_PER_TASK).enumerate().for_each(|(chunk, out)| {
             for (offset, out) in out.chunks_exact_mut(size).enumerate() {

@@ -43,9 +43,39 @@ pub struct CheckedMultigrid {
 }
 
 /// What is solved with.
-enum Source {
+#[derive(Clone)]
+pub enum Source {
+    /// A matrix.
     Stored(Arc<Csr>),
+    /// An operator in its place.
     Applied(Arc<dyn Operator>),
+}
+
+impl Source {
+    /// Number of rows.
+    #[must_use]
+    pub fn n_rows(&self) -> usize {
+        match self {
+            Self::Stored(matrix) => matrix.n_rows(),
+            Self::Applied(operator) => operator.n_rows(),
+        }
+    }
+
+    /// The matrix, assembled now where there is none; `None` where it cannot be made.
+    #[must_use]
+    pub fn matrix(&self) -> Option<Arc<Csr>> {
+        match self {
+            Self::Stored(matrix) => Some(Arc::clone(matrix)),
+            Self::Applied(operator) => operator.matrix(),
+        }
+    }
+
+    fn multiply(&self, x: &[f64], y: &mut [f64], threads: usize) {
+        match self {
+            Self::Stored(matrix) => matrix.multiply(x, y, threads),
+            Self::Applied(operator) => operator.apply(x, y),
+        }
+    }
 }
 
 /// A matrix with its levels.
@@ -59,10 +89,7 @@ struct Loaded {
 
 impl Loaded {
     fn multiply(&self, x: &[f64], y: &mut [f64]) {
-        match &self.source {
-            Source::Stored(matrix) => matrix.multiply(x, y, self.threads),
-            Source::Applied(operator) => operator.apply(x, y),
-        }
+        self.source.multiply(x, y, self.threads);
     }
 }
 
@@ -71,6 +98,12 @@ impl CheckedMultigrid {
     pub fn new(layout: NodeLayout, options: SolverOptions) -> Self {
         let check = BackwardErrorCheck::new(layout.places.len(), options);
         Self { layout, check, loaded: None, iteration: ConjugateGradients::default(), wear: Wear::default() }
+    }
+
+    /// Whether an operator is solved with.
+    #[must_use]
+    pub fn is_applied(&self) -> bool {
+        self.loaded.as_ref().is_some_and(|loaded| matches!(loaded.source, Source::Applied(_)))
     }
 
     /// Number of unknowns by level, the finest first; empty without a matrix.
@@ -99,19 +132,24 @@ impl CheckedMultigrid {
         Ok(())
     }
 
-    /// Takes a matrix and keeps the levels of an earlier one, as long as new ones would cost more than is lost with these; false
-    /// where it needs levels of its own.
+    /// Takes a matrix, or an operator, and keeps the levels of an earlier one, as long as new ones would cost more than is lost with
+    /// these; false where it needs levels of its own.
     ///
     /// # Errors
     /// As [`LinearSolver::factor`].
-    pub fn keep_levels(&mut self, matrix: &Arc<Csr>) -> Result<bool, SolveError> {
+    pub fn keep_levels(&mut self, source: &Source) -> Result<bool, SolveError> {
         if self.wear.is_over() {
             return Ok(false);
         }
         let Some(loaded) = &mut self.loaded else { return Ok(false) };
-        self.check.set_matrix(&[matrix])?;
-        check_symmetry(matrix)?;
-        (loaded.source, loaded.is_kept) = (Source::Stored(Arc::clone(matrix)), true);
+        match source {
+            Source::Stored(matrix) => {
+                self.check.set_matrix(&[matrix])?;
+                check_symmetry(matrix)?;
+            }
+            Source::Applied(operator) => self.check.set_operator(&**operator)?,
+        }
+        (loaded.source, loaded.is_kept) = (source.clone(), true);
         Ok(true)
     }
 
@@ -126,19 +164,19 @@ impl CheckedMultigrid {
         self.loaded.as_ref().is_some_and(|loaded| loaded.is_kept)
     }
 
-    /// Whether a matrix is positive definite, as far as a solution from a start that is orthogonal to no direction in particular
+    /// Whether a matrix, or an operator, is positive definite, as far as a solution from a start that is orthogonal to no direction in particular
     /// tells; the levels at hand serve, and have as many negative directions as they should: none. `None` where there are no
     /// levels, or the iteration does not get to its end.
     ///
     /// # Errors
     /// As [`LinearSolver::factor`].
-    pub fn looks_definite(&mut self, matrix: &Csr) -> Result<Option<bool>, SolveError> {
+    pub fn looks_definite(&mut self, source: &Source) -> Result<Option<bool>, SolveError> {
         let Some(loaded) = &mut self.loaded else { return Ok(None) };
-        self.layout.check(matrix)?;
-        let n = matrix.n_rows();
+        let n = source.n_rows();
+        self.layout.check_rows(n)?;
         let rhs: Vec<f64> = (1..=n).map(|i| (i as f64 * 0.618_033_988_749_894_9).fract() - 0.5).collect();
         let (threads, places, cycle) = (loaded.threads, &self.layout.places, &mut loaded.cycle);
-        let mut multiply = |x: &[f64], y: &mut [f64]| matrix.multiply(x, y, threads);
+        let mut multiply = |x: &[f64], y: &mut [f64]| source.multiply(x, y, threads);
         let mut precondition = |r: &[f64], z: &mut [f64]| cycle.apply(places, r, z);
         let goal = Goal { error: PROBED, left: 0.0, scale: &[], most: MOST };
         let mut x = vec![0.0; n];
@@ -157,8 +195,8 @@ impl CheckedMultigrid {
     pub fn take_operator(&mut self, operator: Arc<dyn Operator>) -> Result<bool, SolveError> {
         (self.loaded, self.wear) = (None, Wear::default());
         self.layout.check_rows(operator.n_rows())?;
-        self.check.set_operator(&*operator, &self.layout)?;
-        let mut cycle = Cycle::of_operator(&operator, &self.layout)?;
+        self.check.set_operator(&*operator)?;
+        let mut cycle = Cycle::of_operator(operator.levels().ok_or(SolveError::NotFactored)?, &self.layout)?;
         if cycle.take_softest_motion(&self.layout.places).is_some() {
             return Ok(false);
         }
