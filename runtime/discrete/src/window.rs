@@ -60,3 +60,19 @@ impl Window {
         Self { rates, ..self }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equations_stand_at_the_end_or_before_it_by_a_part_of_the_increment() {
+        let window = Window::new(3.0, 0.5);
+        assert_eq!([window.start(), window.stage], [2.5, 3.0]);
+        let within = window.with_offset(0.5);
+        assert_eq!([within.stage, within.end, within.increment], [2.75, 3.0, 0.5]);
+        assert_eq!(within.at_end(), window);
+        let instant = Window::instant(3.0);
+        assert_eq!([instant.start(), instant.stage, instant.end], [3.0; 3]);
+    }
+}

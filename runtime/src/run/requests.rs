@@ -89,3 +89,23 @@ impl Run {
         StepPlace { number, time, before, events }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_steps_have_one_increment_and_long_sums_of_small_ones_their_own() {
+        // 3 * 0.1 is rounded up, and so is its distance from 0.2
+        let third = between(Some(0.2), 3.0 * 0.1, 0.1);
+        assert_eq!([third.end, third.increment], [3.0 * 0.1, 0.1]);
+        assert_ne!(third.end - 0.2, 0.1);
+        let other = between(Some(0.2), 0.35, 0.1);
+        assert_eq!(other.increment, 0.35 - 0.2);
+        // behind 1e9 rounding is a larger part of 0.1 than two values of one number may differ by
+        let late = between(Some(1e9), 1e9 + 0.1, 0.1);
+        assert_eq!(late.increment, (1e9 + 0.1) - 1e9);
+        assert_ne!(late.increment, 0.1);
+        assert_eq!(between(None, 5.0, 0.1), Window::new(5.0, 0.1));
+    }
+}
