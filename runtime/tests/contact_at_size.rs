@@ -108,6 +108,31 @@ fn finer_faults_have_them() {
     }
 }
 
+/// Iterations of GMRES for a solution.
+#[cfg(not(debug_assertions))]
+fn iterations_a_solution(cells: usize, method: &str, edits: &[(&str, &str)]) -> f64 {
+    let (solver, ..) = told(&outcome(&fault(cells, method, edits, "gmres, amg"), 2));
+    let counted: Vec<f64> = solver
+        .rsplit("; ")
+        .next()
+        .map_or(Vec::new(), |counts| counts.split(' ').filter_map(|word| word.parse().ok()).collect());
+    let [iterations, solutions] = counted[..] else { panic!("{solver}") };
+    iterations / solutions
+}
+
+/// Levels know the augmentation and not the multipliers, so augmented Lagrangians grow most.
+#[cfg(not(debug_assertions))]
+#[test]
+fn the_number_of_iterations_hardly_grows_on_finer_faults() {
+    let (incomplete, skew) = ([("theta = 0 ", "theta = 0 ")], [("theta = 0 ", "theta = -1")]);
+    let methods: [(&str, &[(&str, &str)], f64); 4] =
+        [(NITSCHE, &incomplete, 1.3), (NITSCHE, &skew, 1.3), (PENALTY, &[], 1.3), (AUGMENTED, &[], 1.35)];
+    for (method, edits, growth) in methods {
+        let [coarse, fine] = [12, 24].map(|cells| iterations_a_solution(cells, method, edits));
+        assert!(fine <= growth * coarse && fine <= 12.5, "{edits:?}: {coarse:.1} and {fine:.1}");
+    }
+}
+
 #[test]
 fn results_have_the_same_bits_for_any_number_of_threads() {
     let text = fault(8, NITSCHE, &[("to 9 by 3", "to 6 by 3")], "gmres, amg");

@@ -13,13 +13,13 @@ use super::library::traits;
 use super::plan::LinearPlan;
 
 /// Factors of the bodies with what is condensed, and the iteration; solutions are those of a step with its iterations of Newton.
-/// Measured on the fault, 4 and 20 steps of 107,000 and of 205,000 unknowns (docs/scale.md), the iteration on 28,000 and 107,000
-/// in four steps, on two cores that others used, too (docs/solvers.md). Fewer than 150,000 unknowns are factored where the
-/// factor fits into the memory: half a minute and 4 GB at most.
+/// Factors were measured on the fault, 4 and 20 steps of 107,000 and of 205,000 unknowns (docs/scale.md). The iteration took as
+/// much of the processor as factors for 107,000 in four steps, in turn on one thread (docs/solvers.md). Fewer than 100,000 unknowns
+/// are factored where the factor fits into the memory: ten seconds and 2 GB at most.
 const WAYS: Ways = Ways {
     factors: Factors { bytes: 20e3, seconds: 6.8, power: 2.1, solution: 0.5 },
-    iteration: Iteration { bytes: 5.5e3, levels: 10.0, solution: 20.0 },
-    small: 150_000,
+    iteration: Iteration { bytes: 5.5e3, levels: 1.0, solution: 2.1 },
+    small: 100_000,
 };
 /// Number of unknowns below which a factor is never too large: at most half a gigabyte.
 const LEAST: usize = 30_000;
@@ -110,6 +110,6 @@ mod tests {
     #[test]
     fn many_steps_pay_for_a_factor_and_many_unknowns_do_not() {
         let pays = |n, steps| WAYS.by_iteration(n, work(steps)).seconds < WAYS.by_factors(n, work(steps)).seconds;
-        assert!(pays(2_000_000, 4) && !pays(350_000, 4) && !pays(60_000, 4) && !pays(107_000, 20));
+        assert!(pays(1_000_000, 20) && pays(205_000, 4) && !pays(60_000, 4) && !pays(107_000, 20));
     }
 }

@@ -379,8 +379,7 @@ impl LinearSolver {
         match &self.kind {
             Kind::Condensed(c) => SolverMemory { symmetric, factorisations, ..c.memory() },
             Kind::Linked if self.spare.is_some() => {
-                let factored = self.solver.as_ref().map_or(Vec::new(), |solver| solver.remembered().to_vec());
-                SolverMemory { symmetric, factorisations, factored, iterative: true, ..SolverMemory::default() }
+                SolverMemory { symmetric, factorisations, iterative: true, ..SolverMemory::default() }
             }
             _ => SolverMemory { symmetric, factorisations, spent: self.given_way, ..SolverMemory::default() },
         }

@@ -137,19 +137,6 @@ impl LinearSolver {
             self.give_way(None)?;
             return self.recall(memory);
         }
-        let Some(equations) = self.equations.clone().filter(|_| self.spare.is_some()) else { return Ok(true) };
-        if memory.factored.is_empty() {
-            return Ok(true);
-        }
-        let mut changing = Csr::zeros(Arc::clone(&equations.changing));
-        if memory.factored.len() != changing.values().len() {
-            return Ok(false);
-        }
-        changing.values_mut().copy_from_slice(&memory.factored);
-        if self.solver.is_none() {
-            self.solver = Some(self.fresh(&changing)?);
-        }
-        self.solver.as_mut().expect("made above").recall(&changing)?;
         Ok(true)
     }
 }

@@ -112,19 +112,6 @@ pub trait Engine {
 
     /// The method in words.
     fn describe(&self) -> String;
-
-    /// What solutions depend on beside the matrices to come: values of the changing part of an earlier matrix, or none.
-    fn remembered(&self) -> &[f64] {
-        &[]
-    }
-
-    /// Goes back to what an earlier engine of these equations remembered.
-    ///
-    /// # Errors
-    /// [`SolveError`] of what cannot be made of it.
-    fn recall(&mut self, _changing: &Csr) -> Result<(), SolveError> {
-        Ok(())
-    }
 }
 
 /// A library as an option of a run; two are equal if they have one name.
@@ -311,13 +298,5 @@ impl LinearSolver for CheckedLibrary {
 
     fn describe(&self) -> Option<String> {
         Some(self.engine.describe())
-    }
-
-    fn remembered(&self) -> &[f64] {
-        self.engine.remembered()
-    }
-
-    fn recall(&mut self, changing: &Csr) -> Result<(), SolveError> {
-        self.engine.recall(changing)
     }
 }

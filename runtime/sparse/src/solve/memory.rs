@@ -21,7 +21,7 @@ pub struct SolverMemory {
     pub apart: Vec<u32>,
     /// Whether the factors of the bulk and of the capacitance matrix are of single precision.
     pub single: bool,
-    /// An iteration is at work: `factored` are the values that its levels were made of.
+    /// An iteration is at work.
     pub iterative: bool,
     /// What the factor of the capacitance matrix was made from.
     pub reference: Reference,

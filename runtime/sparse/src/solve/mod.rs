@@ -398,19 +398,6 @@ pub trait LinearSolver {
     fn describe(&self) -> Option<String> {
         None
     }
-
-    /// As [`Engine::remembered`].
-    fn remembered(&self) -> &[f64] {
-        &[]
-    }
-
-    /// As [`Engine::recall`].
-    ///
-    /// # Errors
-    /// [`SolveError`] of what cannot be made of it.
-    fn recall(&mut self, _changing: &Csr) -> Result<(), SolveError> {
-        Ok(())
-    }
 }
 
 /// Multiplications below which a second thread costs more than it gives.

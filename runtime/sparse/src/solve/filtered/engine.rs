@@ -1,12 +1,13 @@
-//! GMRES on the whole matrix, with a cycle of multigrid for the bodies and a direct solution on the unknowns of contact.
+//! GMRES on the whole matrix, with a cycle of multigrid and a direct solution on the unknowns of contact.
 //!
-//! The levels are made once, of the first matrix: of the constant part, and of the symmetric part of what contact adds to
-//! it, so weak that it is no stiffer than the bodies wherever the sum is positive definite. Levels of the bodies alone know
-//! no smooth motion that contact holds; how stiff contact is, and where it slides or opens later, is left to the filter.
-//! Where an iteration is slow, or does not end, levels are made of the matrix at hand.
+//! Groups of unknowns, and how coarser levels move them, are made once, of the bodies alone: no group joins bodies that contact
+//! holds together now and lets slide or open later. Each tangent of contact, as it is, is carried down to all levels, so that
+//! they know the smooth motions that contact holds, lets slide with friction, and lets go; levels of an earlier tangent, or of
+//! its symmetric part, take three times as many iterations where contact slides. What is stiff from node to node
+//! is left to the filter.
 //!
-//! Promises: the same bits for any number of threads, and for a run that goes on from what [`Engine::remembered`] says.
-//! Does not check solutions and has no factor of the whole: who asks turns to one where no solution is found.
+//! Promises: the same bits for any number of threads; solutions depend on no earlier matrix. Does not check solutions and has no
+//! factor of the whole: who asks turns to one where no solution is found.
 
 use std::sync::Arc;
 
@@ -21,10 +22,6 @@ use crate::index::NONE;
 
 /// Most iterations of a solution; a factor costs less than more of them wherever it fits into the memory.
 const MOST: usize = 300;
-/// Iterations for a digit that new levels are worth.
-const SLOW: f64 = 15.0;
-/// A solution to fewer digits says little about the levels.
-const TELLING: f64 = 1e-3;
 /// Why there are no levels.
 const INDEFINITE: &str = "no levels of multigrid: the bodies are not positive definite";
 
@@ -33,25 +30,14 @@ pub(super) struct FilteredEngine {
     equations: Arc<Equations>,
     /// The unknowns by nodes, without multipliers, which have no stiffness.
     layout: NodeLayout,
-    levels: Option<Levels>,
+    cycle: Cycle,
     filter: Option<Filter>,
     gmres: FlexibleGmres,
     /// Diagonal of the constant part.
     diagonal: Vec<f64>,
     /// Of the equations of the matrix taken last: its norms are those of the checks.
     scale: Vec<f64>,
-    /// New levels are due.
-    is_slow: bool,
     counts: Counts,
-}
-
-/// The levels in use.
-struct Levels {
-    cycle: Cycle,
-    /// Values of the changing part that they were made of.
-    values: Vec<f64>,
-    /// They are of the matrix that was taken last.
-    are_new: bool,
 }
 
 /// What was done so far.
@@ -59,12 +45,11 @@ struct Levels {
 struct Counts {
     iterations: usize,
     solutions: usize,
-    levels: usize,
 }
 
 impl FilteredEngine {
     /// # Errors
-    /// [`SolveError::Library`] where the unknowns cannot be told by nodes.
+    /// [`SolveError::Library`] where the unknowns cannot be told by nodes, or the bodies are not positive definite.
     pub(super) fn new(equations: &Arc<Equations>) -> Result<Self, SolveError> {
         let Some(layout) = &equations.layout else {
             let why = equations.traits.obstacle.clone().unwrap_or_default();
@@ -80,87 +65,39 @@ impl FilteredEngine {
             let points: Vec<[f64; 3]> = equations.on_contact.iter().map(point).collect();
             Some(Filter::new(&equations.constant, &equations.changing, &equations.on_contact, &points)?)
         };
+        let room = Csr::zeros(Arc::clone(&equations.changing));
+        let cycle = Cycle::with_room(&equations.constant, &room, &layout).map_err(|error| match error {
+            SolveError::NotPositiveDefinite { .. } => SolveError::Library { text: INDEFINITE.to_owned() },
+            other => other,
+        })?;
         Ok(Self {
             equations: Arc::clone(equations),
             layout,
-            levels: None,
+            cycle,
             filter,
             gmres: FlexibleGmres::default(),
             diagonal: (0..equations.n_rows()).map(|row| equations.constant.get(row, row)).collect(),
             scale: Vec::new(),
-            is_slow: false,
             counts: Counts::default(),
         })
     }
 
-    /// Makes the levels of a matrix.
-    fn make_levels(&mut self, changing: &Csr) -> Result<(), SolveError> {
-        // what was made before goes first
-        self.levels = None;
-        self.is_slow = false;
-        let constant = &*self.equations.constant;
-        let (mut contact, stiffness) = symmetric_part(constant, changing)?;
-        let made = |parts: &[&Csr]| {
-            let mut cycle = Cycle::new(parts, &self.layout)?;
-            cycle.trust()?;
-            Ok(cycle)
-        };
-        // so weak that it is no stiffer than the bodies; as it is, where it makes up for what a linear term on the faces
-        // takes away (Nitsche's method); and none, where friction is far from symmetric
-        contact.values_mut().iter_mut().for_each(|value| *value /= stiffness);
-        let mut cycle = made(&[constant, &contact]);
-        if is_indefinite(&cycle) && stiffness > 1.0 {
-            contact.values_mut().iter_mut().for_each(|value| *value *= stiffness);
-            cycle = made(&[constant, &contact]);
-        }
-        if is_indefinite(&cycle) {
-            cycle = made(&[constant]);
-        }
-        let cycle = cycle.map_err(|error| match error {
-            SolveError::NotPositiveDefinite { .. } => SolveError::Library { text: INDEFINITE.to_owned() },
-            other => other,
-        })?;
-        self.levels = Some(Levels { cycle, values: changing.values().to_vec(), are_new: true });
-        self.counts.levels += 1;
-        Ok(())
-    }
-
     /// One solution: iterations, and whether it ended.
-    fn attempt(&mut self, changing: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<bool, SolveError> {
-        let Some(levels) = &mut self.levels else { return Err(SolveError::NotFactored) };
+    fn attempt(&mut self, changing: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> bool {
         let b: Vec<f64> = rhs.iter().zip(&self.scale).map(|(b, scale)| b * scale).collect();
         let target = tolerance * norm_2(&b).sqrt();
         let mut operators = Preconditioned {
             parts: [&self.equations.constant, changing],
             scale: &self.scale,
             places: &self.layout.places,
-            cycle: &mut levels.cycle,
+            cycle: &mut self.cycle,
             filter: self.filter.as_mut(),
             unscaled: vec![0.0; b.len()],
         };
         let outcome = self.gmres.solve(&mut operators, &b, x, target, MOST);
         self.counts.iterations += outcome.iterations;
-        #[expect(clippy::cast_precision_loss, reason = "a count")]
-        let for_a_digit = outcome.iterations as f64 / -tolerance.log10();
-        self.is_slow |= tolerance <= TELLING && for_a_digit > SLOW;
-        Ok(outcome.converged)
+        outcome.converged
     }
-}
-
-fn is_indefinite(cycle: &Result<Cycle, SolveError>) -> bool {
-    matches!(cycle, Err(SolveError::NotPositiveDefinite { .. }))
-}
-
-/// The symmetric part of what changes, and by how much its diagonal is larger than that of the constant part, at least 1.
-fn symmetric_part(constant: &Csr, changing: &Csr) -> Result<(Csr, f64), SolveError> {
-    let mut part = changing.plus(&changing.transpose())?;
-    part.values_mut().iter_mut().for_each(|value| *value *= 0.5);
-    let ratio = |row: usize| {
-        let (own, added) = (constant.get(row, row), part.get(row, row));
-        if own > 0.0 { added / own } else { 0.0 }
-    };
-    let stiffness = (0..part.n_rows()).map(ratio).fold(1.0, f64::max);
-    Ok((part, stiffness))
 }
 
 /// The scaled matrix and its preconditioner.
@@ -200,58 +137,29 @@ impl Engine for FilteredEngine {
         if let Some(filter) = &mut self.filter {
             filter.take(changing)?;
         }
-        if let Some(levels) = &mut self.levels {
-            levels.are_new = false;
-        }
-        if self.levels.is_none() || self.is_slow { self.make_levels(changing) } else { Ok(()) }
+        self.cycle.take(changing, &self.layout)
     }
 
     fn solve(&mut self, changing: &Csr, rhs: &[f64], x: &mut [f64], tolerance: f64) -> Result<usize, SolveError> {
         let before = self.counts.iterations;
         self.counts.solutions += 1;
-        if self.attempt(changing, rhs, x, tolerance)? {
-            return Ok(self.counts.iterations - before);
-        }
-        if self.levels.as_ref().is_some_and(|levels| !levels.are_new) {
-            self.make_levels(changing)?;
-            if self.attempt(changing, rhs, x, tolerance)? {
-                return Ok(self.counts.iterations - before);
-            }
-        }
+        let is_solved = self.attempt(changing, rhs, x, tolerance);
         let iterations = self.counts.iterations - before;
+        if is_solved {
+            return Ok(iterations);
+        }
         Err(SolveError::Library { text: format!("no solution to {tolerance:.1e} in {iterations} iterations of GMRES") })
     }
 
-    fn restart(&mut self) {
-        self.is_slow = false;
-    }
-
-    fn remembered(&self) -> &[f64] {
-        self.levels.as_ref().map_or(&[], |levels| &levels.values)
-    }
-
-    fn recall(&mut self, changing: &Csr) -> Result<(), SolveError> {
-        if self.remembered() == changing.values() {
-            return Ok(());
-        }
-        self.make_levels(changing)?;
-        if let Some(levels) = &mut self.levels {
-            levels.are_new = false;
-        }
-        self.counts.levels -= 1;
-        Ok(())
-    }
+    fn restart(&mut self) {}
 
     fn describe(&self) -> String {
         let mut text = super::in_words(&self.equations.traits);
-        let Counts { iterations, solutions, levels } = self.counts;
-        if let Some(made) = &self.levels {
-            let sizes: Vec<String> = made.cycle.sizes().iter().map(ToString::to_string).collect();
-            text.push_str(&format!(" (unknowns by level: {})", sizes.join(", ")));
-        }
+        let Counts { iterations, solutions } = self.counts;
+        let sizes: Vec<String> = self.cycle.sizes().iter().map(ToString::to_string).collect();
+        text.push_str(&format!(" (unknowns by level: {})", sizes.join(", ")));
         if solutions > 0 {
-            let times = if levels == 1 { "once".to_owned() } else { format!("{levels} times") };
-            text.push_str(&format!("; {iterations} iterations in {solutions} solutions, levels made {times}"));
+            text.push_str(&format!("; {iterations} iterations in {solutions} solutions"));
         }
         text
     }

@@ -32,6 +32,31 @@ impl Cycle {
         Ok(Self { hierarchy, scale: rows.scale(), b: zeros(), x: zeros() })
     }
 
+    /// Makes the levels of a symmetric matrix `constant` for its sum with another part, whose entries are among those of
+    /// `changing` and which need not be symmetric; [`Self::take`] is to come first. Groups of unknowns, and how coarser levels
+    /// move them, are those of the constant part.
+    ///
+    /// # Errors
+    /// [`SolveError::NotPositiveDefinite`] with an unknown of some level where the constant part is not even semi-definite,
+    /// [`SolveError::TooMuchMemory`].
+    pub(in crate::solve) fn with_room(constant: &Csr, changing: &Csr, layout: &NodeLayout) -> Result<Self, SolveError> {
+        let parts = [constant];
+        let rows = NodeRows::new(&parts, layout);
+        let (scale, parts) = (rows.scale(), [changing]);
+        let room = NodeRows::scaled(&parts, layout, scale).entries();
+        let hierarchy = Hierarchy::with_room(&rows, &room, layout)?;
+        let zeros = || vec![0.0f32; layout.points.len() * layout.components];
+        Ok(Self { hierarchy, scale, b: zeros(), x: zeros() })
+    }
+
+    /// Takes the part that changes.
+    ///
+    /// # Errors
+    /// [`SolveError`] where the coarsest matrix has no factor.
+    pub(in crate::solve) fn take(&mut self, changing: &Csr, layout: &NodeLayout) -> Result<(), SolveError> {
+        self.hierarchy.take(NodeRows::scaled(&[changing], layout, self.scale).entries())
+    }
+
     /// Makes the levels of an operator.
     ///
     /// # Errors
@@ -80,7 +105,7 @@ impl Cycle {
     ///
     /// # Errors
     /// [`SolveError::NotPositiveDefinite`] where it has none.
-    pub(in crate::solve) fn trust(&mut self) -> Result<(), SolveError> {
+    pub(super) fn trust(&mut self) -> Result<(), SolveError> {
         self.hierarchy.trust()
     }
 }

@@ -1,14 +1,14 @@
 //! The matrix of a coarser level: `Pᵀ A P`.
 //!
 //! Row by row of the result: what its column of P takes from the rows of A is gathered first, then multiplied by the
-//! rows of P. Only columns at or above the diagonal are computed, the rest is mirrored. Sums are of double precision:
-//! the softest motions of thin bodies are far below the rounding of single precision.
+//! rows of P. Of a symmetric matrix only columns at or above the diagonal are computed, the rest is mirrored. Sums are of
+//! double precision: the softest motions of thin bodies are far below the rounding of single precision.
 //!
-//! Promises: exactly symmetric; the same bits for any number of threads.
+//! Promises: of a symmetric matrix the result is exactly symmetric; the same bits for any number of threads.
 
 use rayon::prelude::*;
 
-use super::blocks::{Blocks, RowBuffer, Rows, Transfer};
+use super::blocks::{Blocks, Real, RowBuffer, Rows, Transfer};
 use crate::index::NONE;
 
 /// Rows of the result in one task of a thread.
@@ -28,11 +28,30 @@ struct Workspace {
     row: Vec<f64>,
 }
 
-/// A part of the rows of the result, at or above the diagonal.
+/// A part of the rows of the result: the number of blocks of each, their columns and values.
 type Part = (Vec<usize>, Vec<u32>, Vec<f64>);
 
-/// `Pᵀ A P`. A coarse unknown that no fine one follows keeps an equation `x = 0`.
-pub(super) fn galerkin(a: &dyn Rows, p: &Transfer<f64>) -> Blocks<f64> {
+/// `Pᵀ A P` of a symmetric matrix. A coarse unknown that no fine one follows keeps an equation `x = 0`.
+pub(super) fn galerkin<T: Real>(a: &dyn Rows, p: &Transfer<T>) -> Blocks<f64> {
+    mirrored(&parts(a, p, true), p.down.n_cols, p.down.shape[1])
+}
+
+/// `Pᵀ A P` of any matrix; rows without entries are empty.
+pub(super) fn galerkin_of_any<T: Real>(a: &dyn Rows, p: &Transfer<T>) -> Blocks<f64> {
+    let (n, size) = (p.down.n_cols, p.down.shape[1]);
+    let (mut starts, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
+    for (counts, of_part, blocks) in parts(a, p, false) {
+        for count in counts {
+            starts.push(starts[starts.len() - 1] + count);
+        }
+        columns.extend(of_part);
+        values.extend(blocks);
+    }
+    Blocks { shape: [size, size], n_cols: n, starts, columns, values }
+}
+
+/// The rows of `Pᵀ A P`, the upper part of each or all of it.
+fn parts<T: Real>(a: &dyn Rows, p: &Transfer<T>, upper: bool) -> Vec<Part> {
     let (n_fine, n_coarse) = (a.n_nodes(), p.down.n_cols);
     let size = p.down.shape[1];
     let workspace = || Workspace {
@@ -48,12 +67,12 @@ pub(super) fn galerkin(a: &dyn Rows, p: &Transfer<f64>) -> Blocks<f64> {
         let mut part = (Vec::new(), Vec::new(), Vec::new());
         for row in chunk * ROWS..((chunk + 1) * ROWS).min(n_coarse) {
             match p.down.shape {
-                [1, 1] => coarse_row::<1, 1>(a, p, row, workspace),
-                [2, 2] => coarse_row::<2, 2>(a, p, row, workspace),
-                [2, 3] => coarse_row::<2, 3>(a, p, row, workspace),
-                [3, 3] => coarse_row::<3, 3>(a, p, row, workspace),
-                [3, 6] => coarse_row::<3, 6>(a, p, row, workspace),
-                [6, 6] => coarse_row::<6, 6>(a, p, row, workspace),
+                [1, 1] => coarse_row::<1, 1, T>(a, p, row, workspace, upper),
+                [2, 2] => coarse_row::<2, 2, T>(a, p, row, workspace, upper),
+                [2, 3] => coarse_row::<2, 3, T>(a, p, row, workspace, upper),
+                [3, 3] => coarse_row::<3, 3, T>(a, p, row, workspace, upper),
+                [3, 6] => coarse_row::<3, 6, T>(a, p, row, workspace, upper),
+                [6, 6] => coarse_row::<6, 6, T>(a, p, row, workspace, upper),
                 _ => unreachable!("blocks have one, two, three or six rows"),
             }
             let mut order: Vec<usize> = (0..workspace.coarse.len()).collect();
@@ -66,12 +85,17 @@ pub(super) fn galerkin(a: &dyn Rows, p: &Transfer<f64>) -> Blocks<f64> {
         }
         part
     };
-    let parts: Vec<Part> = (0..n_coarse.div_ceil(ROWS)).into_par_iter().map_init(workspace, part).collect();
-    mirrored(&parts, n_coarse, size)
+    (0..n_coarse.div_ceil(ROWS)).into_par_iter().map_init(workspace, part).collect()
 }
 
-/// Fills `row` of the workspace, at and above the diagonal.
-fn coarse_row<const B: usize, const K: usize>(a: &dyn Rows, p: &Transfer<f64>, row: usize, workspace: &mut Workspace) {
+/// Fills `row` of the workspace, at and above the diagonal or all of it.
+fn coarse_row<const B: usize, const K: usize, T: Real>(
+    a: &dyn Rows,
+    p: &Transfer<T>,
+    row: usize,
+    workspace: &mut Workspace,
+    upper: bool,
+) {
     let Workspace { buffer, slot_of_fine, slot_of_coarse, fine, coarse, gathered, row: result } = workspace;
     fine.clear();
     coarse.clear();
@@ -92,7 +116,7 @@ fn coarse_row<const B: usize, const K: usize>(a: &dyn Rows, p: &Transfer<f64>, r
             for (entries, p) in entries.iter().zip(block) {
                 for (sum, entry) in sum.as_chunks_mut::<K>().0.iter_mut().zip(entries) {
                     for (sum, p) in sum.iter_mut().zip(p) {
-                        *sum += entry * p;
+                        *sum += entry * p.wide();
                     }
                 }
             }
@@ -102,7 +126,7 @@ fn coarse_row<const B: usize, const K: usize>(a: &dyn Rows, p: &Transfer<f64>, r
         slot_of_fine[*j as usize] = NONE;
         let (columns, values) = p.down.row_of(*j as usize);
         for (other, block) in columns.iter().zip(values.as_chunks::<K>().0.chunks_exact(B)) {
-            if (*other as usize) < row {
+            if upper && (*other as usize) < row {
                 continue;
             }
             let slot = &mut slot_of_coarse[*other as usize];
@@ -115,7 +139,7 @@ fn coarse_row<const B: usize, const K: usize>(a: &dyn Rows, p: &Transfer<f64>, r
             for (gathered, p) in gathered.iter().zip(block) {
                 for (sum, factor) in sum.iter_mut().zip(gathered) {
                     for (sum, p) in sum.iter_mut().zip(p) {
-                        *sum += factor * p;
+                        *sum += factor * p.wide();
                     }
                 }
             }

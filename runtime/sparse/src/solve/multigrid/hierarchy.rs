@@ -11,18 +11,19 @@ use wfl_host::team::Alone;
 
 use super::aggregate::aggregates;
 use super::blocks::{Blocks, Real, Rows, Transfer};
+use super::changing::{Changing, Sum};
+use super::coarsest::Coarsest;
+use super::galerkin::{galerkin, galerkin_of_any};
 use super::level::{Level, Product, inverted_blocks, inverted_diagonal};
 use super::nodes::{NodeLayout, NodeRows};
 use super::operator::{Finest, OperatorLevels};
 use super::prolongation::{Coarsened, interpolated, smoothed};
-use crate::csr::{Csr, Pattern};
 use crate::solve::SolveError;
-use crate::solve::factorization::Factorization;
-use crate::solve::llt::Llt;
-use crate::solve::triangular_solve::Transpose;
 
 /// Unknowns that are factored: a dense factor of so many takes 0.1 s and 32 MB.
 const COARSEST: usize = 2000;
+/// The same where a factor without symmetry is made for each changing part: 0.05 s.
+const COARSEST_OF_ANY: usize = 1000;
 /// Couplings below this part of the largest of their nodes are weak; halved from level to level (Vanek, Mandel and Brezina
 /// 1996). Measured on cubes of tetrahedra whose cells are 10 times as long as wide: 17 iterations, and 85 with 0.15; on
 /// cubes 16, and 15 with 0.4 in twice the memory.
@@ -33,12 +34,6 @@ const SHRINKS: f64 = 0.7;
 /// Unknowns of a coarser level for each of the finer one, at most, where groups can be made that large: cells that are thin
 /// in one direction couple nodes along lines, three to a group, and six motions of each are no fewer unknowns.
 const LARGEST_SHARE: f64 = 0.3;
-/// Part of the diagonal that is added to a coarsest matrix that looks singular, to look for its null vector: little, so
-/// that inverse iteration converges at once.
-const SHIFT: f64 = 1e-9;
-/// Steps of inverse iteration for it.
-const INVERSE_ITERATIONS: usize = 3;
-
 /// A level that is not the coarsest, with the way down from it.
 struct Step<T, A> {
     level: Level<T, A>,
@@ -61,6 +56,15 @@ pub(super) struct Hierarchy {
     sizes: Vec<usize>,
     /// Where the coarsest matrix looks singular: its softest motion, by place of the finest level.
     softest: Option<Vec<f64>>,
+    room: Option<Room>,
+}
+
+/// Room for a part that changes.
+struct Room {
+    /// Where it stands in each level, the finest first.
+    levels: Vec<Changing>,
+    /// The coarsest matrix with it.
+    coarsest: Blocks<f64>,
 }
 
 /// How levels are aggregated.
@@ -69,79 +73,13 @@ struct Aggregation {
     k: usize,
     /// Couplings below this part of the largest are weak.
     threshold: f64,
+    /// Unknowns that are factored.
+    coarsest: usize,
 }
 
 /// Most groups of nodes of a level, `k` unknowns each.
 fn most(a: &dyn Rows, k: usize) -> usize {
     (LARGEST_SHARE * (a.n_nodes() * a.size()) as f64 / k as f64) as usize
-}
-
-/// The coarsest level.
-struct Coarsest {
-    factor: Llt,
-    /// Right-hand side and solution.
-    x: Vec<f64>,
-    suspicion: Option<Suspicion>,
-}
-
-/// A coarsest matrix that may be singular.
-struct Suspicion {
-    matrix: Csr,
-    /// Why it has no factor; `None` where it has one, with a tiny pivot.
-    error: Option<SolveError>,
-}
-
-impl Coarsest {
-    fn new(a: &dyn Rows) -> Result<Self, SolveError> {
-        let (n, size) = (a.n_nodes(), a.size());
-        let (mut starts, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
-        let mut buffer = super::blocks::RowBuffer::default();
-        for node in 0..n {
-            let (of_row, blocks) = a.row(node, &mut buffer);
-            for c in 0..size {
-                for (column, block) in of_row.iter().zip(blocks.chunks_exact(size * size)) {
-                    columns.extend((0..size as u32).map(|d| column * size as u32 + d));
-                    values.extend_from_slice(&block[c * size..][..size]);
-                }
-                starts.push(columns.len());
-            }
-        }
-        let matrix = Csr::new(Pattern::new(n * size, n * size, starts, columns)?.into(), values)?;
-        let mut factor = Llt::analyze(matrix.pattern(), None, rayon::current_num_threads())?;
-        let suspicion = match factor.factor(&matrix) {
-            Ok(pivot) => pivot.is_suspicious().then_some(Suspicion { matrix, error: None }),
-            Err(error @ SolveError::NotPositiveDefinite { .. }) => Some(Suspicion { matrix, error: Some(error) }),
-            Err(error) => return Err(error),
-        };
-        Ok(Self { x: vec![0.0; n * size], factor, suspicion })
-    }
-
-    /// Where the matrix looks singular, its softest motion: inverse iteration with the factor of a matrix with a larger
-    /// diagonal, in the norm of what was added, so that a null vector of the one is found by the other.
-    ///
-    /// # Errors
-    /// [`SolveError::NotPositiveDefinite`] where the matrix is not even semi-definite.
-    fn softest_motion(&mut self) -> Result<Option<Vec<f64>>, SolveError> {
-        let Some(suspicion) = &self.suspicion else { return Ok(None) };
-        let mut shifted = suspicion.matrix.clone();
-        let diagonal: Vec<f64> = (0..shifted.n_rows()).map(|row| shifted.get(row, row).abs()).collect();
-        for (row, size) in diagonal.iter().enumerate() {
-            if !shifted.add_to(row, row, SHIFT * size) {
-                return Err(SolveError::NotPositiveDefinite { dof: 0, pivot: 0.0 });
-            }
-        }
-        self.factor.factor(&shifted)?;
-        // golden-ratio numbers: fixed, and orthogonal to no vector in particular
-        let start = |i: usize| (i as f64 * 0.618_033_988_749_894_9).fract() - 0.5;
-        let mut motion: Vec<f64> = (1..=diagonal.len()).map(start).collect();
-        for _ in 0..INVERSE_ITERATIONS {
-            motion.iter_mut().zip(&diagonal).for_each(|(value, size)| *value *= size);
-            self.factor.solve(Transpose::No, &mut motion);
-            let size = crate::norm::largest(motion.iter().copied());
-            motion.iter_mut().for_each(|value| *value /= size);
-        }
-        Ok(Some(motion))
-    }
 }
 
 impl<T: Real, A: Product<T>> Step<T, A> {
@@ -162,12 +100,32 @@ impl Hierarchy {
     /// # Errors
     /// [`SolveError::NotPositiveDefinite`] with an unknown of some level, [`SolveError::TooMuchMemory`].
     pub(super) fn new(matrix: &NodeRows<'_>, layout: &NodeLayout) -> Result<Self, SolveError> {
+        Self::down_to(COARSEST, matrix, layout)
+    }
+
+    /// Makes the levels of a matrix `constant` and room in each of them for another part, with blocks where `changing` has
+    /// them; [`Self::take`] is to come before a cycle.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(super) fn with_room(
+        constant: &NodeRows<'_>,
+        changing: &Blocks<f64>,
+        layout: &NodeLayout,
+    ) -> Result<Self, SolveError> {
+        let mut this = Self::down_to(COARSEST_OF_ANY, constant, layout)?;
+        this.make_room(constant, changing)?;
+        Ok(this)
+    }
+
+    /// The levels of a matrix; so many unknowns are factored.
+    fn down_to(most_unknowns: usize, matrix: &NodeRows<'_>, layout: &NodeLayout) -> Result<Self, SolveError> {
         let k = layout.n_modes();
         let size = matrix.n_nodes() * matrix.size();
-        if size <= COARSEST {
+        if size <= most_unknowns {
             let mut coarsest = Coarsest::new(matrix)?;
             let softest = coarsest.softest_motion()?;
-            return Ok(Self { finest: None, middle: Vec::new(), coarsest, sizes: vec![size], softest });
+            return Ok(Self { finest: None, middle: Vec::new(), coarsest, sizes: vec![size], softest, room: None });
         }
         let inverse = inverted_diagonal(matrix)?;
         let level = Level::new(Finest::stored(matrix)?, &inverse);
@@ -182,8 +140,8 @@ impl Hierarchy {
             }
         };
         drop((modes, inverse));
-        let a = super::galerkin::galerkin(matrix, &coarsened.transfer);
-        Self::below(level, coarsened, a, Aggregation { k, threshold })
+        let a = galerkin(matrix, &coarsened.transfer);
+        Self::below(level, coarsened, a, Aggregation { k, threshold, coarsest: most_unknowns })
     }
 
     /// Makes the levels of an operator; its first coarser one is that of elements of degree 1.
@@ -201,7 +159,7 @@ impl Hierarchy {
         let matrix = [&coarser.matrix];
         let a = Blocks::rounded(&NodeRows::of_coarser(&matrix, &coarser, size, scale))?;
         drop(coarser);
-        Self::below(level, coarsened, a, Aggregation { k, threshold: WEAK })
+        Self::below(level, coarsened, a, Aggregation { k, threshold: WEAK, coarsest: COARSEST })
     }
 
     /// The levels below the finest one, `a` the matrix of the first of them.
@@ -211,7 +169,7 @@ impl Hierarchy {
         mut a: Blocks<f64>,
         how: Aggregation,
     ) -> Result<Self, SolveError> {
-        let Aggregation { k, mut threshold } = how;
+        let Aggregation { k, mut threshold, coarsest: most_unknowns } = how;
         let Coarsened { transfer, mut modes } = coarsened;
         let mut sizes = vec![level.a.n_unknowns()];
         let (mut middle, mut coarsest): (Vec<Middle>, _) = (Vec::new(), None);
@@ -220,14 +178,14 @@ impl Hierarchy {
             let groups = aggregates(&a, threshold, most(&a, k));
             threshold *= 0.5;
             let shrinks = groups.count > 0 && (groups.count * k) as f64 <= SHRINKS * a.n_unknowns() as f64;
-            if a.n_unknowns() <= COARSEST || !shrinks {
+            if a.n_unknowns() <= most_unknowns || !shrinks {
                 coarsest = Some(Coarsest::new(&a)?);
                 break;
             }
             let inverse = inverted_diagonal(&a)?;
             let level = Level::new(a.clone(), &inverse);
             let next = smoothed(&a, &groups, &modes, k, &inverse, level.largest);
-            a = super::galerkin::galerkin(&a, &next.transfer);
+            a = galerkin(&a, &next.transfer);
             modes = next.modes;
             middle.push(Step::new(level, next.transfer));
         }
@@ -241,7 +199,58 @@ impl Hierarchy {
             }
         }
         let finest = Some(Step::new(level, transfer.rounded()));
-        Ok(Self { finest, middle, coarsest, sizes, softest })
+        Ok(Self { finest, middle, coarsest, sizes, softest, room: None })
+    }
+
+    /// Widens the matrices of the levels by a part that changes.
+    fn make_room(&mut self, constant: &NodeRows<'_>, changing: &Blocks<f64>) -> Result<(), SolveError> {
+        let mut levels = Vec::new();
+        let mut part = changing.clone();
+        let coarsest = match (&mut self.finest, self.middle.last()) {
+            (None, _) => Blocks::rounded(constant)?,
+            (Some(finest), None) => galerkin(constant, &finest.transfer),
+            (_, Some(last)) => galerkin(&last.level.a, &last.transfer),
+        };
+        if let Some(finest) = &mut self.finest {
+            let whole = widened(constant, &part, &mut levels)?;
+            finest.level.a = Finest::Stored(whole);
+            part = galerkin_of_any(&part, &finest.transfer);
+        }
+        for step in &mut self.middle {
+            step.level.a = widened(&step.level.a, &part, &mut levels)?;
+            part = galerkin_of_any(&part, &step.transfer);
+        }
+        let coarsest = widened(&coarsest, &part, &mut levels)?;
+        self.coarsest = Coarsest::of_any(&coarsest)?;
+        self.room = Some(Room { levels, coarsest });
+        Ok(())
+    }
+
+    /// Takes the part that changes, with blocks where those have been that room was made for.
+    ///
+    /// # Errors
+    /// [`SolveError`] where the coarsest matrix has no factor.
+    pub(super) fn take(&mut self, mut part: Blocks<f64>) -> Result<(), SolveError> {
+        let Some(Room { levels, coarsest }) = &mut self.room else { return Err(SolveError::NotFactored) };
+        let mut levels = levels.iter();
+        if let Some((finest, own)) = self.finest.as_mut().and_then(|finest| Some((finest, levels.next()?))) {
+            own.weaken(&mut part);
+            own.set_diagonal(&part, &mut finest.level);
+            if let Finest::Stored(whole) = &mut finest.level.a {
+                own.add(&part, whole);
+            }
+            part = galerkin_of_any(&part, &finest.transfer);
+        }
+        for (step, own) in self.middle.iter_mut().zip(&mut levels) {
+            own.weaken(&mut part);
+            own.set_diagonal(&part, &mut step.level);
+            own.add(&part, &mut step.level.a);
+            part = galerkin_of_any(&part, &step.transfer);
+        }
+        let Some(own) = levels.next() else { return Err(SolveError::NotFactored) };
+        own.weaken(&mut part);
+        own.add(&part, coarsest);
+        self.coarsest.take(coarsest)
     }
 
     /// Number of unknowns by level, the finest first.
@@ -251,14 +260,16 @@ impl Hierarchy {
 
     /// Bytes of all levels but the factor of the coarsest.
     pub(super) fn bytes(&self) -> usize {
-        self.finest.as_ref().map_or(0, Step::bytes) + self.middle.iter().map(Step::bytes).sum::<usize>()
+        self.finest.as_ref().map_or(0, Step::bytes)
+            + self.middle.iter().map(Step::bytes).sum::<usize>()
+            + self.room.iter().flat_map(|room| &room.levels).map(Changing::bytes).sum::<usize>()
     }
 
     /// `x` = one cycle from zero for the right-hand side `b`, both by place.
     pub(super) fn cycle(&mut self, b: &[f32], x: &mut [f32]) {
         let Some(finest) = &mut self.finest else {
             self.coarsest.x.iter_mut().zip(b).for_each(|(x, b)| *x = f64::from(*b));
-            self.coarsest.factor.solve(Transpose::No, &mut self.coarsest.x);
+            self.coarsest.factor.solve(&mut self.coarsest.x);
             x.iter_mut().zip(&self.coarsest.x).for_each(|(x, y)| *x = *y as f32);
             return;
         };
@@ -282,18 +293,25 @@ impl Hierarchy {
     /// # Errors
     /// [`SolveError::NotPositiveDefinite`] where it has none.
     pub(super) fn trust(&mut self) -> Result<(), SolveError> {
-        match self.coarsest.suspicion.take() {
-            Some(Suspicion { error: Some(error), .. }) => Err(error),
-            Some(Suspicion { matrix, error: None }) => self.coarsest.factor.factor(&matrix).map(|_| ()),
-            None => Ok(()),
-        }
+        self.coarsest.trust()
     }
+}
+
+/// A matrix with room for a part that changes, and where that stands.
+fn widened<T: Real>(
+    constant: &dyn Rows,
+    part: &Blocks<f64>,
+    levels: &mut Vec<Changing>,
+) -> Result<Blocks<T>, SolveError> {
+    let whole = Blocks::rounded(&Sum { constant, changing: part })?;
+    levels.push(Changing::new(constant, part, &whole));
+    Ok(whole)
 }
 
 /// Solves on these levels from zero, `b` of the first into its `x`; the coarsest in place.
 fn down(levels: &mut [Middle], coarsest: &mut Coarsest) {
     let Some((first, rest)) = levels.split_first_mut() else {
-        coarsest.factor.solve(Transpose::No, &mut coarsest.x);
+        coarsest.factor.solve(&mut coarsest.x);
         return;
     };
     let Step { level, transfer, b, x, residual } = first;

@@ -70,6 +70,18 @@ impl<T: Real, A: Product<T>> Level<T, A> {
         this
     }
 
+    /// Puts another block on the diagonal of a row into the smoother; false where it has no inverse.
+    pub(super) fn set_diagonal(&mut self, row: usize, block: &[f64]) -> bool {
+        let size = self.a.size();
+        let mut inverse = [0.0; 36];
+        let has_inverse = invert(block, size, &mut inverse[..size * size]).is_ok();
+        if has_inverse {
+            let out = &mut self.inverse[row * size * size..][..size * size];
+            out.iter_mut().zip(&inverse).for_each(|(out, value)| *out = T::of(*value));
+        }
+        has_inverse
+    }
+
     /// Bytes of matrix and vectors.
     pub(super) fn bytes(&self) -> usize {
         self.a.bytes() + size_of::<T>() * (self.inverse.len() + self.direction.len())
@@ -268,7 +280,7 @@ pub(super) fn inverted_blocks(blocks: &[f64], size: usize, factor: f64) -> Resul
     Ok(inverse)
 }
 
-/// Gauss-Jordan elimination of a symmetric positive definite matrix; else the row and the pivot.
+/// Gauss-Jordan elimination without a search for pivots, which are to be positive; else the row and the pivot.
 fn invert(block: &[f64], n: usize, out: &mut [f64]) -> Result<(), (usize, f64)> {
     let mut work = [0.0f64; 36];
     work[..n * n].copy_from_slice(block);

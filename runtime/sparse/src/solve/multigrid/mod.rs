@@ -5,7 +5,8 @@
 //! all others come from smoothed aggregation with the rigid motions of bodies (Vanek, Mandel and Brezina 1996). Work and
 //! memory grow as the number of unknowns does.
 //!
-//! `solver` is the door, `cycle` that of other solvers, `hierarchy` makes the levels and goes through them, `level` smooths, `aggregate`,
+//! `solver` is the door, `cycle` that of other solvers, `hierarchy` makes the levels and goes through them, `changing` adds a part
+//! that changes to them, `coarsest` is factored, `level` smooths, `aggregate`,
 //! `prolongation` and `galerkin` make a coarser level, `wear` says how long levels serve, `blocks` and `nodes` hold matrices by nodes.
 //!
 //! Promises: the same bits for any number of threads; a solution only with a small true residual. Does not know meshes and
@@ -14,6 +15,8 @@
 
 mod aggregate;
 mod blocks;
+mod changing;
+mod coarsest;
 mod conjugate_gradients;
 mod cycle;
 mod galerkin;

@@ -5,7 +5,7 @@
 
 use wfl_host::team::Team;
 
-use super::blocks::{RowBuffer, Rows};
+use super::blocks::{Blocks, RowBuffer, Rows};
 use super::operator::CoarserLevel;
 use crate::csr::Csr;
 use crate::index::NONE;
@@ -174,6 +174,32 @@ impl<'a> NodeRows<'a> {
         }
         let largest = parts.iter().fold(0.0, |largest: f64, part| largest.max(part.max_abs()));
         Self { parts, size: layout.components, places: &layout.places, rows, scale: scale_of(largest) }
+    }
+
+    /// Times a given number.
+    pub(super) fn scaled(parts: &'a [&'a Csr], layout: &'a NodeLayout, scale: f64) -> Self {
+        Self { scale, ..Self::new(parts, layout) }
+    }
+
+    /// The blocks of rows with entries alone; unknowns that are not solved for have none. A row has a block on the diagonal.
+    pub(super) fn entries(&self) -> Blocks<f64> {
+        let (size, area) = (self.size, self.size * self.size);
+        let (mut starts, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
+        let mut buffer = RowBuffer::default();
+        for (node, rows) in self.rows.chunks_exact(size).enumerate() {
+            let has_entries = |row: &u32| self.parts.iter().any(|part| !part.row(*row as usize).0.is_empty());
+            if rows.iter().filter(|row| **row != NONE).any(has_entries) {
+                let (of_row, blocks) = self.row(node, &mut buffer);
+                let own = columns.len() + of_row.partition_point(|column| (*column as usize) < node);
+                columns.extend_from_slice(of_row);
+                values.extend_from_slice(blocks);
+                for component in (0..size).filter(|component| rows[*component] == NONE) {
+                    values[own * area + component * size + component] = 0.0;
+                }
+            }
+            starts.push(columns.len());
+        }
+        Blocks { shape: [size, size], n_cols: self.n_nodes(), starts, columns, values }
     }
 
     /// Of nodes with so many components, with places by row, times a given number.
