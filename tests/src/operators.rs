@@ -137,6 +137,7 @@ fn measured(body: &Body) -> Result<Found, String> {
     let mut product = single.clone();
     let finest = operator.levels().ok_or("no levels")?.finest;
     found.single = best(|| finest.apply(black_box(&single), &mut product));
-    (found.operations, found.applied_bytes) = (system.counts_of_product().operations, (operator.bytes() + finest.bytes()) as f64);
+    (found.operations, found.applied_bytes) =
+        (system.counts_of_product().operations, (operator.bytes() + finest.bytes()) as f64);
     Ok(found)
 }

@@ -25,8 +25,8 @@ mod term;
 pub use crate::domain::{
     Cut, Domain, Follows, Group, GroupSide, ImageSearch, MovingPoints, Over, Places, entity_geometries,
 };
-pub(crate) use applied::{AppliedTerm, Skeleton};
 pub use applied::products_per_second;
+pub(crate) use applied::{AppliedTerm, Skeleton};
 pub use basis::Basis;
 pub use binding::{Binding, GroupBinding, Input, Integrator, LawSlots, Needs, SlotPlace};
 pub use branches::BranchCounts;

@@ -10,7 +10,7 @@ use wfl_compiler::Class;
 use wfl_sparse::csr::Csr;
 use wfl_sparse::solve::{Operator, OperatorLevels};
 
-use super::operator::WithoutMatrix;
+use super::held::WithoutMatrix;
 use super::{ActiveSet, Branches, System, SystemError};
 use crate::assemble::{AppliedTerm, MOST_COMPONENTS, NodeBlocks, Skeleton, TermError};
 
@@ -229,13 +229,7 @@ impl System {
         held.terms[k].double.get_or_init(|| Arc::new(self.terms[k].skeleton(&self.mesh, starts, n)))
     }
 
-    fn part(
-        &self,
-        held: &WithoutMatrix,
-        applied: &[usize],
-        u: &[f64],
-        rest: Option<Csr>,
-    ) -> Result<Part, TermError> {
+    fn part(&self, held: &WithoutMatrix, applied: &[usize], u: &[f64], rest: Option<Csr>) -> Result<Part, TermError> {
         let values = self.values(u);
         let (mut sums, mut blocks) = (vec![0.0; u.len()], vec![0.0; MOST_COMPONENTS * u.len()]);
         let mut terms = Vec::with_capacity(applied.len());

@@ -113,7 +113,8 @@ impl System {
                 None => by_dof[*dof as usize * MOST_COMPONENTS + c],
                 Some(frame) => {
                     let axis = &frame.axes[c];
-                    let along = |i: usize| (0..n).map(|j| by_dof[(first + i) * MOST_COMPONENTS + j] * axis[j]).sum::<f64>();
+                    let along =
+                        |i: usize| (0..n).map(|j| by_dof[(first + i) * MOST_COMPONENTS + j] * axis[j]).sum::<f64>();
                     (0..n).map(|i| axis[i] * along(i)).sum()
                 }
             }
@@ -186,9 +187,7 @@ fn interpolated(matrix: &Csr, layout: &NodeLayout, dofs: &[u32]) -> Result<Csr, 
     let parents = |dof: usize| {
         let node = node_of[dof];
         let list = match &layout.interpolation {
-            Some(given) if node != NONE => {
-                &given.weights[given.starts[node as usize]..given.starts[node as usize + 1]]
-            }
+            Some(given) if node != NONE => &given.weights[given.starts[node as usize]..given.starts[node as usize + 1]],
             _ => &[],
         };
         let component = if node == NONE { 0 } else { dof as u32 - first[node as usize] };

@@ -2,37 +2,18 @@
 //!
 //! Promises: a reason in words wherever they cannot be. Does not choose.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use wfl_compiler::Class;
-use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{NodeLayout, Operator};
+use wfl_sparse::csr::{Csr, CsrError};
+use wfl_sparse::solve::Operator;
 
 use super::applied::{At, TermsOperator};
+use super::held::{OfTerm, WithoutMatrix};
 use super::{Branches, LinearMatrix, System, SystemError, Tangent, nothing, pattern};
-use crate::assemble::{AppliedTerm, AssembledTerm, Counts, FieldValues, MOST_COMPONENTS, Skeleton, TermError};
+use crate::assemble::{AppliedTerm, AssembledTerm, Counts, FieldValues, MOST_COMPONENTS, TermError};
 use crate::field::FieldSpace;
 use crate::frames::Frames;
-use wfl_sparse::csr::CsrError;
-
-/// What stands in the place of matrices.
-pub(super) struct WithoutMatrix {
-    /// The unknowns by node.
-    pub(super) layout: NodeLayout,
-    /// The pattern of the changing terms that are not applied, by dof in the axes of the scene; `None` where there are none.
-    pub(super) rest: Option<Csr>,
-    /// By term what is made once.
-    pub(super) terms: Vec<OfTerm>,
-}
-
-/// What is made once of a term that is applied.
-#[derive(Default)]
-pub(super) struct OfTerm {
-    pub(super) double: OnceLock<Arc<Skeleton<f64>>>,
-    pub(super) single: OnceLock<Arc<Skeleton<f32>>>,
-    /// On fewer points, where those are enough for means over cells.
-    pub(super) on_levels: OnceLock<Option<AssembledTerm>>,
-}
 
 impl System {
     /// Why terms cannot be applied without their matrix, in words; `None` if they can.
@@ -77,7 +58,8 @@ impl System {
             return Some(format!("the branches of the term `{}` are kept", self.terms[frozen.term].law.name));
         }
         let has_linear = self.linear_terms().next().is_some();
-        (has_linear && !self.frozen.is_empty()).then(|| "contact is scaled by the matrix of the linear terms".to_owned())
+        (has_linear && !self.frozen.is_empty())
+            .then(|| "contact is scaled by the matrix of the linear terms".to_owned())
     }
 
     /// Terms that have a tangent, as they are written.
@@ -203,12 +185,7 @@ impl System {
     }
 
     /// The tangent at a state without a matrix, into `out`.
-    pub(super) fn apply_tangent(
-        &self,
-        u: &[f64],
-        branches: Branches<'_>,
-        out: &mut Tangent,
-    ) -> Result<(), TermError> {
+    pub(super) fn apply_tangent(&self, u: &[f64], branches: Branches<'_>, out: &mut Tangent) -> Result<(), TermError> {
         let (Some(held), Some(applied)) = (&self.without_matrix, &mut out.applied) else { return Ok(()) };
         applied.clear();
         let part = Arc::new(self.changing_part(held, u, branches)?);

@@ -170,9 +170,11 @@ impl System {
             changing: Csr::zeros(self.changing.clone()),
             scene_axes: self.scene_axes.as_ref().map(|s| Csr::zeros(s.pattern.clone())),
             images: self.follows_images().then(|| OfImages::new(&self.changing)),
-            applied: self.without_matrix.as_deref().filter(|_| !self.is_linear()).map(|held| {
-                AppliedTangent::new(self.numbering.n_dofs, held.rest.as_ref())
-            }),
+            applied: self
+                .without_matrix
+                .as_deref()
+                .filter(|_| !self.is_linear())
+                .map(|held| AppliedTangent::new(self.numbering.n_dofs, held.rest.as_ref())),
         }
     }
 

@@ -44,24 +44,15 @@ struct Pair {
     derivatives: usize,
 }
 
-/// An entry of the law: the number of a test slot at a point is a sum of entries times those of trial slots.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Entry<T> {
+/// Entries of one test slot: its number at a point is the sum of these times the numbers of trial slots.
+#[derive(Clone, Debug)]
+pub(super) struct Row<T> {
     /// Among the numbers of a point.
     pub(super) test: u16,
-    pub(super) trial: u16,
-    /// The first one of its test slot.
-    pub(super) is_first: bool,
-    pub(super) factor: Factor<T>,
-}
-
-/// What an entry is.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Factor<T> {
-    /// The same at all points.
-    Even(T),
-    /// Stored, so many lines behind the first of a point.
-    Stored(u16),
+    /// Trial slots with entries that are the same at all points.
+    pub(super) even: Vec<(u16, T)>,
+    /// Trial slots with entries that are stored, so many lines behind the first of a point.
+    pub(super) stored: Vec<(u16, u16)>,
 }
 
 /// An output of the kernel that is stored.
@@ -74,7 +65,7 @@ struct StoredOutput {
 /// The entries of the law in a group of cells at a state.
 #[derive(Clone, Debug)]
 pub(super) struct Law<T: Number> {
-    pub(super) entries: Vec<Entry<T>>,
+    pub(super) rows: Vec<Row<T>>,
     /// `[batch][point, unless they are means][stored entry]`
     pub(super) coefficients: Vec<T::Line>,
     /// Lines of a point.
@@ -251,26 +242,26 @@ impl<T: Number> Cells<T> {
     /// The entries of the law without what is stored of them, which [`Self::take_outputs`] brings; `uniforms` are those of the
     /// step.
     pub(super) fn law(&self, entries: &Entries, uniforms: &[f64], units: Units, are_means: bool) -> Law<T> {
-        let mut before = None;
-        let of_pair = |pair: &Pair| {
-            let unit = units.of_entry(self.dim, pair.derivatives);
-            let wanted = |output| StoredOutput { output, derivatives: pair.derivatives };
-            let place = |output| self.stored.iter().position(|known| *known == wanted(output)).unwrap_or(0);
-            Entry {
-                test: pair.test,
-                trial: pair.trial,
-                is_first: before.replace(pair.test) != Some(pair.test),
-                factor: match entries.coefficients[pair.coefficient] {
-                    Coefficient::Constant(value) => Factor::Even(T::of(unit * value)),
-                    Coefficient::Uniform(u) => Factor::Even(T::of(unit * uniforms[u])),
-                    Coefficient::Output(k) => Factor::Stored(u16::try_from(place(k)).expect("few entries")),
-                },
+        let mut rows: Vec<Row<T>> = Vec::new();
+        for pair in &self.pairs {
+            if rows.last().is_none_or(|row| row.test != pair.test) {
+                rows.push(Row { test: pair.test, even: Vec::new(), stored: Vec::new() });
             }
-        };
-        let entries = self.pairs.iter().map(of_pair).collect();
+            let Some(row) = rows.last_mut() else { continue };
+            let unit = units.of_entry(self.dim, pair.derivatives);
+            match entries.coefficients[pair.coefficient] {
+                Coefficient::Constant(value) => row.even.push((pair.trial, T::of(unit * value))),
+                Coefficient::Uniform(u) => row.even.push((pair.trial, T::of(unit * uniforms[u]))),
+                Coefficient::Output(output) => {
+                    let wanted = StoredOutput { output, derivatives: pair.derivatives };
+                    let place = self.stored.iter().position(|known| *known == wanted).expect("all outputs are stored");
+                    row.stored.push((pair.trial, u16::try_from(place).expect("few entries")));
+                }
+            }
+        }
         let n_stored = self.stored.len();
         let n = self.n_batches() * n_stored * if are_means { 1 } else { self.n_points };
-        Law { entries, coefficients: vec![T::Line::default(); n], n_stored, are_means }
+        Law { rows, coefficients: vec![T::Line::default(); n], n_stored, are_means }
     }
 
     /// Takes the outputs of the kernel in a batch of [`LANES`] cells, `[point][output]` with [`LANES`] numbers each, into the

@@ -6,7 +6,7 @@
 use pulp::{Simd, WithSimd};
 
 use crate::assemble::applied::{
-    cells::{Cells, Factor, Functions, Law},
+    cells::{Cells, Functions, Law},
     number::Number,
 };
 
@@ -87,15 +87,17 @@ fn law<T: Number, S: Simd, const D: usize>(
     let ([batch, n_points], simd, p, n) = (at, point.simd, point.p, law.n_stored);
     let place = if law.are_means { batch } else { batch * n_points + point.q };
     let stored = &law.coefficients[place * n..][..n];
-    let mut sum = T::splat(simd, T::default());
-    for entry in &law.entries {
-        let factor = match entry.factor {
-            Factor::Even(value) => T::splat(simd, value),
-            Factor::Stored(k) => T::load::<S>(&stored[usize::from(k)], p),
-        };
-        let trial = T::load::<S>(&trials[usize::from(entry.trial)], p);
-        sum = if entry.is_first { T::times(simd, factor, trial) } else { T::fused(simd, sum, factor, trial) };
-        T::store::<S>(&mut fluxes[usize::from(entry.test)], p, sum);
+    for row in &law.rows {
+        let mut sum = T::splat(simd, T::default());
+        for (trial, factor) in &row.even {
+            let trial = T::load::<S>(&trials[usize::from(*trial)], p);
+            sum = T::fused(simd, sum, T::splat(simd, *factor), trial);
+        }
+        for (trial, place) in &row.stored {
+            let trial = T::load::<S>(&trials[usize::from(*trial)], p);
+            sum = T::fused(simd, sum, T::load::<S>(&stored[usize::from(*place)], p), trial);
+        }
+        T::store::<S>(&mut fluxes[usize::from(row.test)], p, sum);
     }
 }
 

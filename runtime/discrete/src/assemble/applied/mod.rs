@@ -19,8 +19,8 @@ use pulp::Arch;
 use rayon::prelude::*;
 use wfl_compiler::ir::LANES;
 
-pub(in crate::assemble) use cells::{Group, Units};
 use cells::{Cells, Functions, Law};
+pub(in crate::assemble) use cells::{Group, Units};
 use kernel::Action;
 pub(crate) use number::Number;
 pub use peak::products_per_second;
@@ -99,15 +99,18 @@ impl<T: Number> Skeleton<T> {
             if n > 0 {
                 let halves = T::LANES / LANES;
                 let memory = || (M::default(), Vec::new());
-                law.coefficients.par_chunks_mut(n).enumerate().for_each_init(memory, |(memory, out), (batch, lines)| {
-                    let of_batch = (batch * halves..(batch + 1) * halves).filter(|k| k * LANES < cells.n_cells);
-                    for number in of_batch {
-                        outputs(memory, g, number, out);
-                        if !cells.take_outputs(number, out, lines, units) {
-                            finite.store(false, Ordering::Relaxed);
+                law.coefficients.par_chunks_mut(n).enumerate().for_each_init(
+                    memory,
+                    |(memory, out), (batch, lines)| {
+                        let of_batch = (batch * halves..(batch + 1) * halves).filter(|k| k * LANES < cells.n_cells);
+                        for number in of_batch {
+                            outputs(memory, g, number, out);
+                            if !cells.take_outputs(number, out, lines, units) {
+                                finite.store(false, Ordering::Relaxed);
+                            }
                         }
-                    }
-                });
+                    },
+                );
             }
             law
         };

@@ -174,7 +174,9 @@ impl AssembledTerm {
         };
         match skeleton.with_law(keeping, outputs) {
             Some(made) => Ok(made),
-            None => Err(self.result(false, mesh, values, (&self.law.tangent, None)).expect_err("a number is not finite")),
+            None => {
+                Err(self.result(false, mesh, values, (&self.law.tangent, None)).expect_err("a number is not finite"))
+            }
         }
     }
 

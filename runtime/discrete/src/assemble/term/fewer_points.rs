@@ -75,7 +75,8 @@ impl AssembledTerm {
             let degree = fields[binding.groups[g].bases[slot.basis].field.index()].degree();
             if is_simplex { degree.saturating_sub(slot.op.order()) } else { degree }
         };
-        let products = self.entries.list.iter().map(|(test, trial, _)| of(&binding.tests[*test]) + of(&binding.trials[*trial]));
+        let products =
+            self.entries.list.iter().map(|(test, trial, _)| of(&binding.tests[*test]) + of(&binding.trials[*trial]));
         products.max().unwrap_or(0)
     }
 }
