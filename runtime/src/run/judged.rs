@@ -120,7 +120,7 @@ impl Run {
         let left = history.iterations.last().map_or(0.0, |i| i.residual);
         // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
         let is_solved = !history.solves.is_empty();
-        let due = checks::is_due(self.steps.len(), scene.steps.is_last(self.steps.len(), system.step().stage));
+        let due = checks::is_due(self.steps.len(), scene.steps.is_last(self.steps.len(), system.step().end));
         let (response, often) = (&mut self.stepper.response, scene.steps.are_many_and_equal() && !due);
         let mut digits = || match history.correction {
             _ if !is_solved => None,
