@@ -357,7 +357,8 @@ fn tangents_at_any_state() {
         ),
         (
             "",
-            "def slope = Norm(Sym(Grad_u))\nterm law on all : 300*Div_u*Div_Test_u + 2*(400 + 500*max(0.1 - slope, 0))*Sym(Grad_u):Sym(Grad_Test_u)\nterm elastic on all : P:Grad_Test_u\n",
+            "term law on all : 300*Div_u*Div_Test_u + 800*(1 + Norm(Sym(Grad_u)))*Sym(Grad_u):Sym(Grad_Test_u)\n\
+             term elastic on all : P:Grad_Test_u\n",
         ),
     ] {
         let text = format!(
