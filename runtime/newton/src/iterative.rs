@@ -220,8 +220,10 @@ pub(super) fn plan(system: &System, method: LinearMethod, steps: usize) -> Optio
     let (ways, [of_factors, of_levels]) = ways(system, steps);
     let n = system.n_unknowns();
     let in_place = (system.mesh.dim() == 3 && n >= ways.small).then(|| ways.by_factors(n, of_factors).size());
-    let levels =
-        if without_matrix::pays(system) { without_matrix::bytes(n) } else { ways.by_iteration(n, of_levels).size() };
+    let levels = match without_matrix::pays(system) {
+        true => without_matrix::bytes_with_entries(system),
+        false => ways.by_iteration(n, of_levels).size(),
+    };
     let foreseen = Extent::Foreseen((levels, in_place));
     Some(if system.is_linear() { LinearPlan::Iterative(foreseen) } else { LinearPlan::Tangents(foreseen) })
 }

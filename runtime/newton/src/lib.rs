@@ -164,7 +164,8 @@ fn settle_contact(step: &mut LoadStep<'_>, was_warm: bool, u: &[f64], history: O
     let last = history.and_then(|h| h.iterations.iter().rev().find(|i| i.method != Method::Refinement));
     let is_solved = last.is_some_and(|i| i.method.freezes());
     let is_moved = history.is_some_and(|h| h.n_iterations() > 0);
-    let is_at_rest = history.is_some_and(|h| h.stop == Some(Stop::Rest));
+    let is_at_rest =
+        history.is_some_and(|h| h.stop == Some(Stop::Rest)) || step.system.team().all(u.iter().all(|u| *u == 0.0));
     step.contact.set_warm(history.is_some() && !is_at_rest && (is_moved || was_warm));
     if step.contact.is_warm() {
         if !is_solved && !step.contact.is_empty() {

@@ -133,8 +133,7 @@ fn a_load_that_ends_leaves_rest_and_no_active_set() {
     let pressed = solving.at(1.0).solve();
     assert!(pressed.converged() && solving.block.contact.is_warm());
     let history = solving.at(0.0).solve();
-    assert_eq!(history.stop, Some(Stop::Rest));
-    assert!(history.n_iterations() <= 2 && solving.u.iter().all(|u| *u == 0.0));
+    assert!(history.converged() && history.n_iterations() <= 2 && solving.u.iter().all(|u| *u == 0.0));
     assert!(!solving.block.contact.is_warm(), "nothing is known of the step to come");
 }
 

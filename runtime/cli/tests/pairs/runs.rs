@@ -13,8 +13,8 @@ const PRESSED: &str = "mesh box [0,0] to [1,1] cells [2,2] quad\nparam gamma = 1
 
 /// One unknown between two kinks: Newton's steps from 1 lead to -1 and back.
 const BETWEEN_KINKS: &str = "mesh box [0,0] to [1,1] cells [1,1] quad\nunknown d : scalar global\nstart d = 1\n\
-    term law on global : (1.5*d - pos_part(d - 0.5) + pos_part(-d - 0.5))*Test_d\n\
-    solver newton with search=none, max_iter=12\nmeasure m = max(d) on global\n";
+    term law on global : (1.5*d - pos_part(d - 0.5) + pos_part(-d - 0.5) - 0.1*t)*Test_d\n\
+    steps t = 0 to 1 by 1 with halve=0\nsolver newton with search=none, max_iter=12\nmeasure m = max(d) on global\n";
 
 /// A p-Laplacian, whose tangent is zero at rest.
 const P_LAPLACE: &str = "mesh box [0] to [1] cells [4] segment\nunknown p : scalar\nstart p = 0\n\

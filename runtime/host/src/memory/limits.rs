@@ -32,10 +32,20 @@ struct Limits {
     addresses: u64,
 }
 
+/// Addresses that are left to small needs when the address space is limited: a need that the system refuses there ends
+/// the process without a word. Bytes.
+pub(super) const ADDRESSES_LEFT: u64 = 16 << 20;
+
 /// The limit that is passed with so many bytes more, if one is; that of the user takes the place of the machine's.
 pub(super) fn exceeded(user: Option<u64>, more: u64) -> Option<Bound> {
     let (resident, addresses) = nearest(user);
-    [resident, addresses].into_iter().find(|bound| bound.in_use.saturating_add(more) > bound.limit)
+    let is_passed = |bound: &Bound, kept: u64| bound.in_use.saturating_add(more).saturating_add(kept) > bound.limit;
+    // what is granted is taken faster than anybody watches
+    match (is_passed(&resident, 0), is_passed(&addresses, ADDRESSES_LEFT)) {
+        (true, _) => Some(resident),
+        (false, true) => Some(addresses),
+        (false, false) => None,
+    }
 }
 
 /// The limits on resident memory and on addresses as they stand.

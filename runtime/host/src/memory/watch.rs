@@ -16,9 +16,6 @@ use super::{LAST, PENDING, TooMuchMemory, limits, user_limit};
 const GROWTH: u64 = 8_000_000_000;
 const SHORTEST: Duration = Duration::from_millis(1);
 const LONGEST: Duration = Duration::from_millis(100);
-/// Addresses that are left to small needs when the address space is limited: a need that the system refuses there ends
-/// the process without a word.
-const ADDRESSES_LEFT: u64 = 16 << 20;
 
 /// Starts the thread; `passed` is told once when the limit is passed, on that thread, and should end the process.
 ///
@@ -49,7 +46,7 @@ fn room() -> Result<u64, limits::Bound> {
         return Err(nearest);
     }
     // granted memory is on its way; it was compared with the limit when it was granted
-    let kept = if PENDING.load(Ordering::Relaxed) > 0 { 0 } else { ADDRESSES_LEFT };
+    let kept = if PENDING.load(Ordering::Relaxed) > 0 { 0 } else { limits::ADDRESSES_LEFT };
     if addresses.in_use.saturating_add(kept) > addresses.limit {
         return Err(addresses);
     }
