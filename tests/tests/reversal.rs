@@ -70,7 +70,7 @@ fn unloaded(method: &str, gamma: f64, shear: &str, scale: &str) -> wfl_tests::So
         ("[-3,0,0] on east", format!("[-3*{scale},0,0] on east")),
         ("[0,0,-t] on top", format!("[0,0,-{shear}*{scale}] on top")),
         ("steps t = 0 to 9.5 by 0.5", "steps t = 0 to 4 by 1".to_owned()),
-        ("cells [8, 8, 8]", "cells [3, 4, 4]".to_owned()),
+        ("cells [8, 8, 8]", "cells [4, 4, 4]".to_owned()),
     ];
     let common = edits.iter().fold(text, |text, (from, to)| text.replace(from, to));
     let own = std::fs::read_to_string(folder.join(format!("{method}.wfl"))).expect("an example");
