@@ -178,10 +178,10 @@ impl System {
     pub(super) fn on_levels(&self, held: &WithoutMatrix, k: usize, term: &Arc<AppliedTerm<f64>>) -> AssembledTerm {
         let own = &self.terms[k];
         if !own.has_means_on_levels() {
-            return own.with_entries(term, false);
+            return own.with_entries(term);
         }
         let fewer = held.terms[k].on_levels.get_or_init(|| own.on_fewer_points(&self.mesh, &self.fields));
-        fewer.as_ref().map_or_else(|| own.clone(), |fewer| fewer.at_step_of(own)).with_entries(term, true)
+        fewer.as_ref().map_or_else(|| own.clone(), |fewer| fewer.at_step_of(own)).with_means(term)
     }
 
     /// The tangent at a state without a matrix, into `out`.

@@ -239,9 +239,9 @@ impl<T: Number> Cells<T> {
         offset..if is_last { T::LANES } else { offset + LANES }
     }
 
-    /// The entries of the law without what is stored of them, which [`Self::take_outputs`] brings; `uniforms` are those of the
-    /// step.
-    pub(super) fn law(&self, entries: &Entries, uniforms: &[f64], units: Units, are_means: bool) -> Law<T> {
+    /// The entries of the law without room for what is stored of them, which [`Self::take_outputs`] brings; `uniforms` are those of
+    /// the step.
+    pub(super) fn law(&self, entries: &Entries, uniforms: &[f64], units: Units) -> Law<T> {
         let mut rows: Vec<Row<T>> = Vec::new();
         for pair in &self.pairs {
             if rows.last().is_none_or(|row| row.test != pair.test) {
@@ -259,9 +259,7 @@ impl<T: Number> Cells<T> {
                 }
             }
         }
-        let n_stored = self.stored.len();
-        let n = self.n_batches() * n_stored * if are_means { 1 } else { self.n_points };
-        Law { rows, coefficients: vec![T::Line::default(); n], n_stored, are_means }
+        Law { rows, coefficients: Vec::new(), n_stored: self.stored.len(), are_means: false }
     }
 
     /// Takes the outputs of the kernel in a batch of [`LANES`] cells, `[point][output]` with [`LANES`] numbers each, into the

@@ -94,8 +94,9 @@ impl<T: Number> Skeleton<T> {
         let Keeping { entries, uniforms, factor, are_means } = keeping;
         let (units, finite) = (self.units(factor), AtomicBool::new(true));
         let of_group = |(g, cells): (usize, &Cells<T>)| {
-            let mut law = cells.law(entries, uniforms, units, are_means);
             let n = cells.n_lines(are_means);
+            let coefficients = vec![T::Line::default(); cells.n_batches() * n];
+            let mut law = Law { coefficients, are_means, ..cells.law(entries, uniforms, units) };
             if n > 0 {
                 let halves = T::LANES / LANES;
                 let memory = || (M::default(), Vec::new());

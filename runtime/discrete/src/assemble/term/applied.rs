@@ -191,14 +191,28 @@ impl AssembledTerm {
         groups.filter(|(_, group)| !group.entities.is_empty()).map(|(g, _)| g).collect()
     }
 
-    /// The term with entries that were evaluated before, as they are or as means over each cell: its own, and those of terms with
-    /// other functions or points that are made of it.
-    pub(crate) fn with_entries(&self, term: &Arc<AppliedTerm<f64>>, are_means: bool) -> Self {
-        let mut places = vec![0; self.assembled.domain.groups.len()];
-        self.filled().iter().enumerate().for_each(|(at, g)| places[*g] = at);
+    /// The term with entries that were evaluated before: its own, and those of terms with other functions or points that are made
+    /// of it.
+    pub(crate) fn with_entries(&self, term: &Arc<AppliedTerm<f64>>) -> Self {
+        self.with_given(Given { term: Arc::clone(term), places: self.places(), are_means: false })
+    }
+
+    /// The same with the means of these entries over each cell.
+    pub(crate) fn with_means(&self, term: &Arc<AppliedTerm<f64>>) -> Self {
+        self.with_given(Given { term: Arc::clone(term), places: self.places(), are_means: true })
+    }
+
+    fn with_given(&self, given: Given) -> Self {
         let binding = &self.assembled.binding;
         let tangent_needs = binding.needs_of(binding.n_bases(), |_| false, true, true);
-        Self { given: Some(Given { term: Arc::clone(term), places, are_means }), tangent_needs, ..self.clone() }
+        Self { given: Some(given), tangent_needs, ..self.clone() }
+    }
+
+    /// By group its place among those that have cells.
+    fn places(&self) -> Vec<usize> {
+        let mut places = vec![0; self.assembled.domain.groups.len()];
+        self.filled().iter().enumerate().for_each(|(at, g)| places[*g] = at);
+        places
     }
 
     /// Prepares batch `number` of group `g`, and evaluates what entries of the law change from point to point.

@@ -28,19 +28,26 @@ struct Workspace {
     row: Vec<f64>,
 }
 
+/// What of a matrix is made: of symmetric ones one half tells the other.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Triangle {
+    Upper,
+    Full,
+}
+
 /// A part of the rows of the result: the number of blocks of each, their columns and values.
 type Part = (Vec<usize>, Vec<u32>, Vec<f64>);
 
 /// `Pᵀ A P` of a symmetric matrix. A coarse unknown that no fine one follows keeps an equation `x = 0`.
 pub(super) fn galerkin<T: Real>(a: &dyn Rows, p: &Transfer<T>) -> Blocks<f64> {
-    mirrored(&parts(a, p, true), p.down.n_cols, p.down.shape[1])
+    mirrored(&parts(a, p, Triangle::Upper), p.down.n_cols, p.down.shape[1])
 }
 
 /// `Pᵀ A P` of any matrix; rows without entries are empty.
 pub(super) fn galerkin_of_any<T: Real>(a: &dyn Rows, p: &Transfer<T>) -> Blocks<f64> {
     let (n, size) = (p.down.n_cols, p.down.shape[1]);
     let (mut starts, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
-    for (counts, of_part, blocks) in parts(a, p, false) {
+    for (counts, of_part, blocks) in parts(a, p, Triangle::Full) {
         for count in counts {
             starts.push(starts[starts.len() - 1] + count);
         }
@@ -51,7 +58,7 @@ pub(super) fn galerkin_of_any<T: Real>(a: &dyn Rows, p: &Transfer<T>) -> Blocks<
 }
 
 /// The rows of `Pᵀ A P`, the upper part of each or all of it.
-fn parts<T: Real>(a: &dyn Rows, p: &Transfer<T>, upper: bool) -> Vec<Part> {
+fn parts<T: Real>(a: &dyn Rows, p: &Transfer<T>, triangle: Triangle) -> Vec<Part> {
     let (n_fine, n_coarse) = (a.n_nodes(), p.down.n_cols);
     let size = p.down.shape[1];
     let workspace = || Workspace {
@@ -67,12 +74,12 @@ fn parts<T: Real>(a: &dyn Rows, p: &Transfer<T>, upper: bool) -> Vec<Part> {
         let mut part = (Vec::new(), Vec::new(), Vec::new());
         for row in chunk * ROWS..((chunk + 1) * ROWS).min(n_coarse) {
             match p.down.shape {
-                [1, 1] => coarse_row::<1, 1, T>(a, p, row, workspace, upper),
-                [2, 2] => coarse_row::<2, 2, T>(a, p, row, workspace, upper),
-                [2, 3] => coarse_row::<2, 3, T>(a, p, row, workspace, upper),
-                [3, 3] => coarse_row::<3, 3, T>(a, p, row, workspace, upper),
-                [3, 6] => coarse_row::<3, 6, T>(a, p, row, workspace, upper),
-                [6, 6] => coarse_row::<6, 6, T>(a, p, row, workspace, upper),
+                [1, 1] => coarse_row::<1, 1, T>(a, p, row, workspace, triangle),
+                [2, 2] => coarse_row::<2, 2, T>(a, p, row, workspace, triangle),
+                [2, 3] => coarse_row::<2, 3, T>(a, p, row, workspace, triangle),
+                [3, 3] => coarse_row::<3, 3, T>(a, p, row, workspace, triangle),
+                [3, 6] => coarse_row::<3, 6, T>(a, p, row, workspace, triangle),
+                [6, 6] => coarse_row::<6, 6, T>(a, p, row, workspace, triangle),
                 _ => unreachable!("blocks have one, two, three or six rows"),
             }
             let mut order: Vec<usize> = (0..workspace.coarse.len()).collect();
@@ -94,7 +101,7 @@ fn coarse_row<const B: usize, const K: usize, T: Real>(
     p: &Transfer<T>,
     row: usize,
     workspace: &mut Workspace,
-    upper: bool,
+    triangle: Triangle,
 ) {
     let Workspace { buffer, slot_of_fine, slot_of_coarse, fine, coarse, gathered, row: result } = workspace;
     fine.clear();
@@ -126,7 +133,7 @@ fn coarse_row<const B: usize, const K: usize, T: Real>(
         slot_of_fine[*j as usize] = NONE;
         let (columns, values) = p.down.row_of(*j as usize);
         for (other, block) in columns.iter().zip(values.as_chunks::<K>().0.chunks_exact(B)) {
-            if upper && (*other as usize) < row {
+            if triangle == Triangle::Upper && (*other as usize) < row {
                 continue;
             }
             let slot = &mut slot_of_coarse[*other as usize];
