@@ -79,7 +79,7 @@ fn kept<'py>(py: Python<'py>, finished: &Finished) -> PyResult<Vec<Bound<'py, Py
     for step in &finished.outcome.kept {
         let made = PyDict::new(py);
         made.set_item("number", step.number)?;
-        made.set_item("t", step.window.end)?;
+        made.set_item("t", step.time)?;
         let grids = PyDict::new(py);
         for (name, pieces) in &step.grids {
             let pieces = pieces.iter().map(|p| arrays::piece(py, p)).collect::<PyResult<Vec<_>>>()?;
