@@ -7,7 +7,8 @@ use super::{
     line_search::{LARGEST_FORCING, LineSearch},
     load_step::{Done, Measured, Norm},
     path_following::Path,
-    refinement, rest,
+    refinement,
+    rest::Rest,
     schedule::{BUDGET_OF_PATHS, Schedule},
 };
 use wfl_discrete::system::LinearTerms;
@@ -137,13 +138,12 @@ impl Attempt<'_> {
 
     /// Goes to the state of rest where the unknowns have vanished and that solves the equations; whether it does.
     fn comes_to_rest(&mut self, step: &mut LoadStep<'_>) -> bool {
-        let Some(rest) = rest::of(step, self.u, &self.before) else { return false };
-        let Ok(found) = step.measure(&rest, &self.norm) else { return false };
-        let is_solution = rest::solves(step.system, self.u, &self.before, &found.written.values);
-        if !is_solution || found.stop(step.options).is_none() {
+        let Some(rest) = Rest::of(step, self.u, &self.before) else { return false };
+        let Ok(found) = step.measure(&rest.state, &self.norm) else { return false };
+        if !rest.solves(step.system, &found.written.values) || found.stop(step.options).is_none() {
             return false;
         }
-        self.u.copy_from_slice(&rest);
+        self.u.copy_from_slice(&rest.state);
         self.here = found;
         let method = self.schedule.method();
         step.record(&mut self.history, &self.here, Done { method, step: 1.0, changed: 0, corrections: 0 });
