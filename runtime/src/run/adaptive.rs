@@ -6,11 +6,11 @@
 //! those of the step before. Does not write anything.
 
 use super::{
-    Attempt, AttemptEnd, Clock, Path, Progress,
+    Attempt, AttemptEnd, Path,
     control::{Control, Matrix},
     remembered::{Adaptive, joined},
     requests::StepRequest,
-    stepping::{Integrator, Reached, StepError, Stepper, Target},
+    stepping::{Integrator, Making, Reached, StepError, Stepper, Target},
 };
 use crate::{
     checks::{Solved, rounding_of_unknowns},
@@ -43,15 +43,8 @@ enum Tried {
 
 impl Integrator for Adaptive {
     /// The caller takes over the states and then calls [`Adaptive::add`].
-    fn advance(
-        &mut self,
-        stepper: &mut Stepper,
-        scene: &mut Solving<'_>,
-        u: &mut [f64],
-        request: StepRequest,
-        clock: &mut Clock,
-        progress: &mut dyn Progress,
-    ) -> Result<Reached, StepError> {
+    fn advance(&mut self, making: Making<'_, '_>, request: StepRequest) -> Result<Reached, StepError> {
+        let Making { stepper, scene, u, clock, progress } = making;
         let Scene { steps, tables, .. } = scene.scene;
         let rules = steps.auto.as_ref().expect("steps that the run chooses");
         let (at, stop) = (request.from.expect("a step behind another one"), request.window.end);

@@ -2,25 +2,17 @@
 //! follow from the equations.
 
 use super::{
-    Clock, Progress, rates,
+    rates,
     requests::StepRequest,
-    stepping::{Integrator, Reached, StepError, Stepper},
+    stepping::{Integrator, Making, Reached, StepError},
 };
-use crate::scene::Solving;
 
 /// The state where time starts.
 pub(super) struct Beginning;
 
 impl Integrator for Beginning {
-    fn advance(
-        &mut self,
-        stepper: &mut Stepper,
-        scene: &mut Solving<'_>,
-        u: &mut [f64],
-        request: StepRequest,
-        clock: &mut Clock,
-        progress: &mut dyn Progress,
-    ) -> Result<Reached, StepError> {
+    fn advance(&mut self, making: Making<'_, '_>, request: StepRequest) -> Result<Reached, StepError> {
+        let Making { stepper, scene, u, clock, progress } = making;
         let window = request.window;
         rates::start(scene, u, window)?;
         if let Some(explicit) = &scene.explicit {

@@ -11,10 +11,9 @@
 use std::time::Instant;
 
 use super::{
-    Clock, Progress,
     requests::StepRequest,
     stability::Stability,
-    stepping::{Integrator, Reached, StepError, Stepper},
+    stepping::{Integrator, Making, Reached, StepError, Stepper},
 };
 use crate::{assemble::BranchCounts, newton::NewtonError, scene::Solving, system::FIXED, window::Window};
 
@@ -25,15 +24,8 @@ pub(super) struct CentralDifferences {
 }
 
 impl Integrator for CentralDifferences {
-    fn advance(
-        &mut self,
-        stepper: &mut Stepper,
-        scene: &mut Solving<'_>,
-        u: &mut [f64],
-        request: StepRequest,
-        clock: &mut Clock,
-        _progress: &mut dyn Progress,
-    ) -> Result<Reached, StepError> {
+    fn advance(&mut self, making: Making<'_, '_>, request: StepRequest) -> Result<Reached, StepError> {
+        let Making { stepper, scene, u, clock, .. } = making;
         let begin = Instant::now();
         let before = stepper.snapshot(scene, u);
         let made = self.step(stepper, scene, u, request.window);

@@ -80,7 +80,7 @@ use integrators::Integrators;
 use judged::KnownOfOthers;
 use keeping::Keeper;
 use requests::StepRequest;
-use stepping::{Reached, StepError, Stepper};
+use stepping::{Making, Reached, StepError, Stepper};
 use watched::Watched;
 
 /// Steps that may wait for their files to be written before the solver waits too.
@@ -462,7 +462,7 @@ impl Run {
     ) -> Result<Reached, StepError> {
         let Self { u, stepper, integrators, clock, .. } = self;
         stepping::begin(scene, request, u)?;
-        integrators.of(scene, &request).advance(stepper, scene, u, request, clock, progress)
+        integrators.of(scene, &request).advance(Making { stepper, scene, u, clock, progress }, request)
     }
 
     /// The end of a step: states are renewed, measures taken.

@@ -16,7 +16,7 @@ use super::{
     Attempt, AttemptEnd, Clock, Path, Progress,
     requests::StepRequest,
     state::Snapshot,
-    stepping::{Integrator, LoadStart, Reached, StepError, Stepper, Target},
+    stepping::{Integrator, LoadStart, Making, Reached, StepError, Stepper, Target},
     trajectory::Passed,
 };
 use crate::{
@@ -43,15 +43,8 @@ pub(super) struct Listed {
 }
 
 impl Integrator for Listed {
-    fn advance(
-        &mut self,
-        stepper: &mut Stepper,
-        scene: &mut Solving<'_>,
-        u: &mut [f64],
-        request: StepRequest,
-        clock: &mut Clock,
-        progress: &mut dyn Progress,
-    ) -> Result<Reached, StepError> {
+    fn advance(&mut self, making: Making<'_, '_>, request: StepRequest) -> Result<Reached, StepError> {
+        let Making { stepper, scene, u, clock, progress } = making;
         let mut parts = Parts::new(request, if scene.system.is_linear() { 0 } else { scene.steps.halve });
         let (before, mut start) = (*self, stepper.snapshot(scene, u));
         self.level = self.level.min(parts.halve);

@@ -59,19 +59,21 @@ impl Reached {
     }
 }
 
+/// What a step is made with and of.
+pub(super) struct Making<'a, 's> {
+    pub(super) stepper: &'a mut Stepper,
+    pub(super) scene: &'a mut Solving<'s>,
+    /// By dof the unknowns: at the end of the step before, and then at that of the step.
+    pub(super) u: &'a mut [f64],
+    pub(super) clock: &'a mut Clock,
+    pub(super) progress: &'a mut dyn Progress,
+}
+
 /// A way from the end of a step to the end of the next one.
 pub(super) trait Integrator {
     /// Makes the step that is requested, or where the run chooses as much of it as is right; the equations have its start as
-    /// their past. `u` holds the state before and then the one after. After an error unknowns and memory are those before.
-    fn advance(
-        &mut self,
-        stepper: &mut Stepper,
-        scene: &mut Solving<'_>,
-        u: &mut [f64],
-        request: StepRequest,
-        clock: &mut Clock,
-        progress: &mut dyn Progress,
-    ) -> Result<Reached, StepError>;
+    /// their past. After an error unknowns and memory are those before.
+    fn advance(&mut self, making: Making<'_, '_>, request: StepRequest) -> Result<Reached, StepError>;
 }
 
 /// What a load path starts from.
