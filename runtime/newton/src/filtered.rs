@@ -13,9 +13,9 @@ use super::library::traits;
 use super::plan::LinearPlan;
 
 /// Factors of the bodies with what is condensed, and the iteration; solutions are those of a step with its iterations of Newton.
-/// Factors were measured on the fault, 4 and 20 steps of 107,000 and of 205,000 unknowns (docs/scale.md). The iteration took as
-/// much of the processor as factors for 107,000 in four steps, in turn on one thread (docs/solvers.md). Fewer than 100,000 unknowns
-/// are factored where the factor fits into the memory: ten seconds and 2 GB at most.
+/// Factors were measured on the fault, 4 and 20 steps of 107,000 and of 205,000 unknowns (docs/scale.md). The iteration took 1.1 of
+/// the time of factors for 107,000 in four steps and 0.75 for 205,000, in turn (docs/solvers.md). Fewer than 100,000 unknowns are
+/// factored where the factor fits into the memory: ten seconds and 2 GB at most.
 const WAYS: Ways = Ways {
     factors: Factors { bytes: 20e3, seconds: 6.8, power: 2.1, solution: 0.5 },
     iteration: Iteration { bytes: 5.5e3, levels: 1.0, solution: 2.1 },
