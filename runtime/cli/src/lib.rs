@@ -45,6 +45,7 @@ use std::{ffi::OsString, path::PathBuf, process::ExitCode, time::Instant};
 
 use args::Command;
 use clap::Parser;
+pub use wfl_runtime::memory::Telling;
 use wfl_runtime::memory::{self, TooMuchMemory};
 use wfl_tasks::STACK;
 
@@ -88,6 +89,7 @@ fn command(call: &Call, started: Instant) -> ExitCode {
     if let Some(bytes) = args.memory {
         memory::set_limit(bytes);
     }
+    memory::when_refused(too_much_memory);
     // a system without a thread to spare goes on without the second line of the limit
     let _ = memory::watch(too_much_memory);
     for folder in &args.allow_read {

@@ -4,7 +4,7 @@
 //! only regular files of a known size are read ([`input`]); a scene reads only from allowed folders ([`reading`]); ranks
 //! that solve one problem together find one result ([`team`]) and keep copies of each other's numbers ([`halo`]). Does not
 //! write files, and knows nothing of meshes, matrices and scenes.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod halo;
 pub mod input;

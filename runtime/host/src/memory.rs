@@ -1,12 +1,14 @@
 //! The memory limit of the process, and whether an allocation fits into it.
 //!
-//! Two mechanisms keep the limit. Every large allocation is announced with [`claim`] or made with [`zeros`]; one that
+//! Three mechanisms keep the limit. Every large allocation is announced with [`claim`] or made with [`zeros`]; one that
 //! does not fit is an error with both numbers before anything is allocated. Memory that was not announced is detected
-//! by [`watch`], which a program starts once. Without a limit of the user the limit is the memory of the machine, of
+//! by [`watch`], which a program starts once; what the system itself refuses, by the allocator [`Telling`]. Without a limit of the user the limit is the memory of the machine, of
 //! the control group (a container) or of the address space (`ulimit -v`), whichever is smallest; on systems other than
 //! Linux there is none.
 
 mod limits;
+#[expect(unsafe_code, reason = "the allocator of the system behind one that tells of refusals")]
+mod telling;
 mod watch;
 
 use std::sync::{
@@ -15,6 +17,8 @@ use std::sync::{
 };
 
 use limits::Bound;
+use telling::looking;
+pub use telling::{Telling, when_refused};
 pub use watch::watch;
 
 /// What the program itself takes with a scene of a few cells: its code, machine code of the terms, threads. Measured
@@ -106,7 +110,7 @@ pub fn lengthen<T: Clone + Default>(
     if bytes >= UNASKED {
         ask(bytes, pending.before, what)?;
     }
-    buffer.try_reserve_exact(more).map_err(|_| refused_by_the_system(Some(bytes), what))?;
+    looking(|| buffer.try_reserve_exact(more)).map_err(|_| refused_by_the_system(Some(bytes), what))?;
     // now it becomes resident
     buffer.resize(buffer.len() + more, T::default());
     Ok(())
@@ -139,7 +143,7 @@ pub fn grow<T>(list: &mut Vec<T>, more: usize, what: &'static str) -> Result<(),
     if bytes >= UNASKED {
         claim(bytes, what)?;
     }
-    list.try_reserve_exact(more).map_err(|_| refused_by_the_system(Some(bytes), what))
+    looking(|| list.try_reserve_exact(more)).map_err(|_| refused_by_the_system(Some(bytes), what))
 }
 
 /// Memory that was granted to one thread and is not resident yet: other threads must count it.

@@ -3,7 +3,10 @@
 
 use std::{path::PathBuf, process::ExitCode};
 
-use wfl_cli::{Call, main_with};
+use wfl_cli::{Call, Telling, main_with};
+
+#[global_allocator]
+static ALLOCATOR: Telling = Telling;
 
 fn main() -> ExitCode {
     let arguments: Vec<_> = std::env::args_os().collect();
