@@ -101,8 +101,9 @@ fn roots(b: &mut Builder<'_>, source: TermSource<'_>) -> Option<Roots> {
         TermSource::Any(e) => (e, true, true),
         TermSource::Load { value, field, part } => {
             let residual = load(b, value, field, part)?;
-            let zero = b.graph.number(0.0);
-            return Some((None, Some(residual), zero));
+            // a load may follow unknowns: a pressure that is solved for, a follower force
+            let tangent = direction(b, residual, Role::Trial, value)?;
+            return Some((None, Some(residual), tangent));
         }
     };
     let root = b.expr(text)?;
