@@ -298,6 +298,25 @@ fn plain_numbers_take_the_unit_that_is_needed() {
 }
 
 #[test]
+fn a_function_of_the_step_variable_does_as_a_plain_number() {
+    for value in [
+        "sin(2*pi*t/T)",
+        "sin(2*pi*t)",
+        "(1 - exp(-t/T))",
+        "tanh(t/T)",
+        "Heaviside(t - T)",
+        "sign(x - l)",
+        "cos(pi*x/l)",
+    ] {
+        let lines = format!("param T = 2 [s]\nsteps t = 0 to 1 by 0.1 [s]\nfix u = [0.1*{value}, 0] on west");
+        assert_eq!(found(&scene(&lines)), [""; 0], "{value}");
+    }
+    // what has a unit of its own keeps it
+    let lines = "param T = 2 [s]\nsteps t = 0 to 1 by 0.1 [s]\nfix u = [E*sin(2*pi*t/T), 0] on west";
+    assert!(!found(&scene(lines)).is_empty());
+}
+
+#[test]
 fn a_macro_with_arguments_shows_its_use() {
     let mut sources = SourceMap::new();
     let text = scene("def add(a, b) = 2*a + b\nmeasure q = max(add(E, l)) on all");
