@@ -110,7 +110,8 @@ fn a_prescribed_motion_brings_its_rates() {
             );
             run(bar(8, &rest))
         };
-        let runs = [0.05, 0.025, 0.0125].map(at);
+        // the first step, whose second rate is of first order, counts less in finer ones
+        let runs = [0.0125, 0.00625, 0.003125].map(at);
         let tip: Vec<f64> = runs.iter().map(|r| last(r, "tip")).collect();
         let found = order(tip[0] - tip[1], tip[1] - tip[2]);
         assert!((found - 2.0).abs() < 0.15, "{scheme}: {found}");

@@ -5,12 +5,15 @@
 //! one; a step can be begun again with another increment as often as needed; fields without rates keep nothing.
 //! Does not solve anything and knows no equations.
 
+mod driven;
 mod linear;
 mod rounding;
 mod scheme;
 
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
+use driven::Both;
+pub use driven::Driven;
 pub use linear::Kept;
 pub use scheme::{Alpha, KEPT, Lengths, MOST_ORDER, Row, Rows, Scheme};
 use wfl_compiler::types::{RateFactor, RateForm, RateOrder};
@@ -71,6 +74,8 @@ pub struct Rates {
     /// Those of the step that was begun last: its matrices are still there between two steps.
     of_step: RateFactors,
     fields: Vec<FieldRates>,
+    /// Unknowns that move as they are prescribed, where the scheme has other rows for them.
+    driven: Option<Arc<Driven>>,
     /// By order and field: what the past gives in the present step; empty for fields without.
     histories: [Vec<Vec<f64>>; 2],
     /// The increment of the step that was begun and whose end is not kept yet.
@@ -115,6 +120,7 @@ impl Rates {
             factors: RateFactors::default(),
             of_step: RateFactors::default(),
             fields,
+            driven: None,
             histories,
             open: None,
             before: Vec::new(),
@@ -239,7 +245,7 @@ impl Rates {
 
     /// Histories and scalars of a step of this length.
     pub fn begin(&mut self, increment: f64) {
-        let Self { scheme, factors, of_step, fields, histories, open, before, order } = self;
+        let Self { scheme, factors, of_step, fields, histories, open, before, order, .. } = self;
         let lengths = Lengths::new(increment, before).at_most(*order);
         for of in fields {
             let [before, now] = &mut of.lost;
@@ -355,11 +361,11 @@ impl Rates {
 
     /// What is kept at the end `u` of the step that was begun at `before`; `None` where that is done.
     fn at_end(&self, u: &[f64], before: &[f64]) -> Option<Vec<[Vec<f64>; KEPT]>> {
-        let lengths = self.lengths()?;
+        self.open?;
         let of_field = |of: &FieldRates| {
-            let rows = self.scheme.at_end(of.form, lengths);
+            let rows = self.rows_at_end(of)?;
             let mut made: [Vec<f64>; KEPT] = std::array::from_fn(|slot| vec![0.0; of.kept[slot].len()]);
-            for (row, made) in rows.iter().zip(&mut made).filter(|(_, made)| !made.is_empty()) {
+            for (Both { own: row, .. }, made) in rows.iter().zip(&mut made).filter(|(_, made)| !made.is_empty()) {
                 past(row, &of.kept, made);
                 let change = |k: usize, d: usize| of.change(k, u[d] - before[d]);
                 made.iter_mut()
@@ -367,9 +373,16 @@ impl Rates {
                     .enumerate()
                     .for_each(|(k, (m, d))| *m += row.change * change(k, d));
             }
-            made
+            Some(made)
         };
-        Some(self.fields.iter().map(of_field).collect())
+        let mut all = self.fields.iter().map(of_field).collect::<Option<Vec<_>>>()?;
+        for slot in (0..2).filter(|_| self.are_driven()) {
+            let missing = self.missing(slot, [u, before], Self::rows_at_end);
+            for (of, made) in self.fields.iter().zip(&mut all).filter(|(_, made)| !made[slot].is_empty()) {
+                made[slot].iter_mut().zip(&missing[of.dofs.clone()]).for_each(|(m, x)| *m += x);
+            }
+        }
+        Some(all)
     }
 
     /// What later steps depend on, at the end `u` of a step that began at `before`.

@@ -8,7 +8,7 @@ use wfl_compiler::{
     compares_nan, first_non_finite,
     ir::{Inst, LANES},
     run_prologue,
-    types::InputSlot,
+    types::{InputSlot, UniformSlot},
 };
 
 pub use crate::prologue::uniforms_at;
@@ -68,6 +68,12 @@ impl Value {
     #[must_use]
     pub fn reads_positions_only(&self) -> bool {
         self.law.inputs.iter().all(|s| matches!(s, InputSlot::X(_)))
+    }
+
+    /// True if it reads the step variable or its increment.
+    #[must_use]
+    pub fn reads_step(&self) -> bool {
+        self.law.prologue.slots.iter().any(|slot| matches!(slot, UniformSlot::Time | UniformSlot::TimeStep))
     }
 
     /// True if it reads the end of the previous step.

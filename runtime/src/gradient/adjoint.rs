@@ -362,7 +362,8 @@ impl Backwards<'_, '_> {
             };
             // rates are held at an end behind the equations
             let kept = if read == Read::AtTheEnd && rates.is_held() { &mut end.kept } else { &mut start.kept };
-            rates.follow_histories(|order, field| &self.out[place(order, field)], factor, kept);
+            let ends = [&mut *end.u, &mut *start.u];
+            rates.follow_histories(|order, field| &self.out[place(order, field)], factor, ends, kept);
         }
         scaled(live, &self.out[extended.live_range()]);
         scaled(&mut live[extended.n_live()..], &self.out[extended.motion_range()]);

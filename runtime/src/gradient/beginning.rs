@@ -28,6 +28,8 @@ pub(super) struct Beginning {
     fields: Vec<(RateForm, Range<usize>)>,
     /// Quotients of changes begin as the rates.
     begins_with_rates: bool,
+    /// Where unknowns are driven, half of the increment of the first step: how long before the start their first quotients are.
+    driven: Option<f64>,
 }
 
 /// First and second rates by dof.
@@ -48,9 +50,10 @@ impl Beginning {
         let Some(rates) = step.rates.as_ref().filter(|r| r.are_read_at_start(of_a_list)) else { return Ok(None) };
         let fields = rates.fields().iter().map(|of| (of.form, of.dofs.clone())).collect();
         let begins_with_rates = rates.scheme().most_order(RateForm::First) > 2 && of_a_list;
+        let driven = rates.are_driven().then_some(0.5 * step.window.increment);
         standing.at(0)?;
         if standing.solving.explicit.is_some() {
-            return Ok(Some(Self { mass: None, fields, begins_with_rates }));
+            return Ok(Some(Self { mass: None, fields, begins_with_rates, driven }));
         }
         let mass = mass_at_start(&mut standing.solving, &step.u, step.window);
         let mass = mass.map_err(|e| not_made(&e.to_string()))?;
@@ -59,7 +62,7 @@ impl Beginning {
             return Err(Box::new(d.help("a term with the second rate at every node")));
         }
         standing.at(0)?;
-        Ok(Some(Self { mass: Some(mass), fields, begins_with_rates }))
+        Ok(Some(Self { mass: Some(mass), fields, begins_with_rates, driven }))
     }
 
     /// The highest rates by dof of forces by dof, both in the axes of the scene and zero where values are prescribed.
@@ -99,10 +102,11 @@ impl Beginning {
     pub(super) fn kept(&self, rates: &Rates, of: &AtStart) -> Kept {
         let mut kept = rates.nothing();
         for (kept, (_, dofs)) in kept.iter_mut().zip(&self.fields) {
-            let slots = if self.begins_with_rates { 4 } else { 2 };
-            for (slot, kept) in kept.iter_mut().enumerate().take(slots).filter(|(_, kept)| !kept.is_empty()) {
-                let from = if slot % 2 == 0 { &of.first } else { &of.second };
-                kept.copy_from_slice(&from[dofs.clone()]);
+            for (slot, kept) in kept.iter_mut().enumerate().filter(|(_, kept)| !kept.is_empty()) {
+                let [first, second] = self.factors(slot);
+                for (k, d) in kept.iter_mut().zip(dofs.clone()) {
+                    *k = first * of.first[d] + second * of.second[d];
+                }
             }
         }
         kept
@@ -112,13 +116,27 @@ impl Beginning {
     pub(super) fn of_kept(&self, kept: &Kept, n_dofs: usize) -> AtStart {
         let mut made = AtStart { first: vec![0.0; n_dofs], second: vec![0.0; n_dofs] };
         for (kept, (_, dofs)) in kept.iter().zip(&self.fields) {
-            let slots = if self.begins_with_rates { 4 } else { 2 };
-            for (slot, kept) in kept.iter().enumerate().take(slots) {
-                let to = if slot % 2 == 0 { &mut made.first } else { &mut made.second };
-                to[dofs.clone()].iter_mut().zip(kept).for_each(|(t, k)| *t += k);
+            for (slot, kept) in kept.iter().enumerate() {
+                let [first, second] = self.factors(slot);
+                for (k, d) in kept.iter().zip(dofs.clone()) {
+                    made.first[d] += first * k;
+                    made.second[d] += second * k;
+                }
             }
         }
         made
+    }
+
+    /// What the first and the second rate are multiplied by in what is kept.
+    fn factors(&self, slot: usize) -> [f64; 2] {
+        let begins = self.begins_with_rates || self.driven.is_some();
+        match slot {
+            0 => [1.0, 0.0],
+            1 => [0.0, 1.0],
+            2 if begins => [1.0, -self.driven.unwrap_or(0.0)],
+            3 if begins => [0.0, 1.0],
+            _ => [0.0, 0.0],
+        }
     }
 }
 

@@ -299,16 +299,20 @@ impl Forwards<'_, '_> {
             return self.explicit(step, &explicit, one);
         }
         let n = self.extended.n;
-        let of_rates = step.rates.as_ref().map(|rates| (rates, rates.along(&one.before.kept)));
-        one.rates = of_rates.as_ref().map(|(rates, along)| rates.with_behind(along, n));
+        let mut of_rates = step.rates.as_ref().map(|rates| (rates, rates.along(&one.before.kept)));
         self.still.rates = step.rates.as_ref().map(|rates| rates.with_behind(&rates.along(&self.still.end.kept), n));
         if step.kind == Passed::Given {
+            one.rates = of_rates.as_ref().map(|(rates, along)| rates.with_behind(along, n));
             one.end.u.clone_from(&one.before.u);
             one.end.kept.clone_from(&one.before.kept);
             return Ok(());
         }
         one.end.u.fill(0.0);
         self.prescribed_in(step, one)?;
+        if let Some((_, along)) = &mut of_rates {
+            along.drive(&one.end.u, &one.before.u);
+        }
+        one.rates = of_rates.as_ref().map(|(rates, along)| rates.with_behind(along, n));
         self.look(step, one);
         if self.decides {
             self.step_to_side(step, one)?;

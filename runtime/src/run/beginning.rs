@@ -6,6 +6,7 @@ use super::{
     requests::StepRequest,
     stepping::{Integrator, Making, Reached, StepError},
 };
+use crate::{newton::NewtonError, window::Window};
 
 /// The state where time starts.
 pub(super) struct Beginning;
@@ -18,10 +19,13 @@ impl Integrator for Beginning {
         if let Some(explicit) = &scene.explicit {
             progress.solver(&explicit.describe(&scene.steps));
         } else {
-            // the matrix is that of the first step; its rates are those at the start
-            scene.system.begin_rates(window.increment);
-            stepper.prepare(scene, window, clock, progress)?;
+            // the matrix is that of the first step, and so are the formulas in it: at the start nothing is solved, and they may have
+            // no value there
+            let first = Window::new(window.end + window.increment, window.increment);
+            scene.system.begin_rates(first.increment);
+            stepper.prepare(scene, first, clock, progress)?;
             scene.system.hold_rates();
+            scene.stand_at(window).map_err(NewtonError::from)?;
         }
         Ok(Reached::unsolved(window))
     }

@@ -49,22 +49,28 @@ pub(super) fn offset(scene: &Solving<'_>) -> f64 {
     scene.system.rates().map_or(0.0, |r| r.scheme().offset())
 }
 
-/// Writes the prescribed values of a step into `u`, which holds the state at its start. Where the equations stand within
-/// the step, fields with rates are prescribed so that they have their values at its end.
+/// Writes the prescribed values of a step into `u`, which holds the state at its start or a first guess, and gives what is
+/// driven by them its rates. Where the equations stand within the step, fields with rates are prescribed so that they have
+/// their values at its end.
 pub(super) fn prescribe(scene: &mut Solving<'_>, window: Window, u: &mut [f64]) -> Result<(), BadGiven> {
     let offset = offset(scene);
-    if offset == 0.0 {
-        let applied = scene.prescribed.apply(window, u);
-        return agreed(scene.system, applied, u);
-    }
-    let before = u.to_vec();
-    let mut end = before.clone();
-    scene.prescribed.apply(window.at_end(), &mut end)?;
-    scene.prescribed.apply(window, u)?;
-    for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
-        for d in of.dofs.clone() {
-            u[d] = end[d] + offset * (before[d] - end[d]);
+    let mut applied = Ok(());
+    if offset != 0.0 {
+        let mut with_rates = u.to_vec();
+        applied = scene.prescribed.apply(window.at_end(), &mut with_rates);
+        let past = scene.system.past().expect("rates read the past");
+        scene.system.numbering.part_of_prescribed(&past.unknowns, 1.0 - offset, &mut with_rates);
+        scene.system.numbering.follow(&mut with_rates);
+        applied = applied.and_then(|()| scene.prescribed.apply(window, u));
+        for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
+            u[of.dofs.clone()].copy_from_slice(&with_rates[of.dofs.clone()]);
         }
+    } else {
+        applied = applied.and_then(|()| scene.prescribed.apply(window, u));
+    }
+    agreed(scene.system, applied, u)?;
+    if let Some((rates, past)) = scene.system.rates_and_past() {
+        rates.drive(u, &past.unknowns);
     }
     Ok(())
 }
@@ -133,8 +139,13 @@ pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<()
     form_of(scene, RateForm::First).into_iter().for_each(|d| first[d] = highest[d]);
     form_of(scene, RateForm::Second).into_iter().for_each(|d| second[d] = highest[d]);
     keep(scene, &first, &second);
-    if let Some(rates) = scene.system.rates_mut().filter(|_| begins_with_rates && all_known) {
-        rates.begin_with_rates();
+    if let Some(rates) = scene.system.rates_mut() {
+        if begins_with_rates && all_known {
+            rates.begin_with_rates();
+        }
+        if rates.are_driven() {
+            rates.begin_driven(&first, &second, at.increment);
+        }
     }
     Ok(())
 }

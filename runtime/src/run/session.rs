@@ -199,6 +199,10 @@ impl Session {
                 rates::start(solving, &run.u, window)?;
             }
             let window = if given { window } else { rates::enter(solving, window) };
+            if !given {
+                let bad = |bad| NewtonError::Given(Box::new(bad));
+                rates::prescribe(solving, window, &mut run.u).map_err(bad)?;
+            }
             solving.set_data(window)?;
             let changed = solving.system.begin_step(window)?;
             solving.contact.begin_step(solving.system.step());
@@ -206,11 +210,7 @@ impl Session {
                 // a factor of the matrix before serves no step that is solved later
                 run.stepper.solver = None;
             }
-            if given {
-                return Ok(());
-            }
-            let bad = |bad| NewtonError::Given(Box::new(bad));
-            rates::prescribe(solving, window, &mut run.u).map_err(bad)
+            Ok(())
         });
         begun.map_err(|error| RunError::Newton { step: number, time, error })?;
         self.begun = Some(window);

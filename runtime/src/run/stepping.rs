@@ -172,10 +172,11 @@ impl Stepper {
     ) -> Result<StepHistory, StepError> {
         self.spent = Spent::default();
         let window = rates::enter(scene, target.window);
-        self.prepare(scene, window, clock, progress)?;
         let from = u.to_vec();
+        // before what is constant in the step is summed: it reads the rates of what is driven
         let prescribed = rates::prescribe(scene, window, u);
         prescribed.map_err(|bad| NewtonError::Given(Box::new(bad)))?;
+        self.prepare(scene, window, clock, progress)?;
         let mut offset = Vec::new();
         if let Some((start, s)) = target.load {
             scene.system.numbering.part_of_prescribed(&start.u, s, u);

@@ -33,7 +33,7 @@ use crate::{
     field::Field,
     newton::NewtonOptions,
     pruning::Pruning,
-    rates::Scheme,
+    rates::{Driven, Scheme},
     results::SampledPiece,
     system::{FrozenTerm, Known, Numbering, Past, PastForm, System},
     window::Window,
@@ -260,6 +260,7 @@ impl Builder<'_> {
         let (newton, accuracy) = self.solver_options();
         let integration = self.scheme();
         self.rates_of_expressions(integration.scheme);
+        self.rates_of_states();
         let starts = self.starts();
         let start_rates = self.start_rates();
         let data = self.data();
@@ -339,7 +340,11 @@ impl Builder<'_> {
         let steps = steps?;
         let step_reads = if rates { Reads::Past } else { reads };
         self.statements_without_effect(&numbering, &mut prescribed, &steps, step_reads)?;
-        let rates = rates::of(integration.scheme, self.env.rates, &self.fields, &numbering);
+        let mut rates = rates::of(integration.scheme, self.env.rates, &self.fields, &numbering);
+        let begins = |position: usize| starts.iter().any(|(field, _)| *field == position);
+        if let Some(rates) = &mut rates {
+            rates.set_driven(Driven::new(&numbering.frames, prescribed.in_motion(begins)));
+        }
         let known = Known { rates, ..nothing_known(&self.fields, &numbering, reads) };
         let unused_fields = self.unused_fields(&used, &numbering);
         let env = self.owned_env();

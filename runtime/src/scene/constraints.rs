@@ -200,6 +200,22 @@ impl Prescribed {
         self.plain.iter().map(|(dof, _)| *dof).chain(tilted).collect()
     }
 
+    /// The dofs, in local frames, whose prescribed values may move: not those that are zero and stay so. `begins` tells of fields
+    /// with values at the start, which may be others.
+    pub(super) fn in_motion(&self, begins: impl Fn(usize) -> bool) -> BTreeSet<usize> {
+        let moves = |fix: &Fix| {
+            let is_zero =
+                || fix.value.at_positions(&fix.positions).is_ok_and(|values| values.iter().all(|x| *x == 0.0));
+            begins(fix.position) || fix.value.reads_step() || !is_zero()
+        };
+        let all: Vec<bool> = self.fixes.iter().map(moves).collect();
+        let moves = |number: &Number| all[number.fix];
+        // along a direction that is no axis all numbers of a node count
+        let tilted = self.tilted.iter().filter(|t| t.numbers.iter().any(moves));
+        let tilted = tilted.flat_map(|t| (0..t.numbers.len()).map(|k| t.frame.first + k));
+        self.plain.iter().filter(|(_, number)| moves(number)).map(|(dof, _)| *dof).chain(tilted).collect()
+    }
+
     /// True if nothing is prescribed.
     pub(super) fn is_empty(&self) -> bool {
         self.fixes.is_empty()

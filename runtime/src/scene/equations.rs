@@ -91,7 +91,7 @@ impl Solving<'_> {
     }
 
     /// Brings known fields and laws to a step; assembles nothing.
-    fn stand_at(&mut self, window: Window) -> Result<(), SystemError> {
+    pub(crate) fn stand_at(&mut self, window: Window) -> Result<(), SystemError> {
         self.set_data(window)?;
         self.system.set_laws(window);
         self.contact.begin_step(self.system.step());

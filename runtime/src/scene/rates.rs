@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use wfl::{
     Code, Diagnostic, FieldKind as Declared, Fix, ResolvedScript, StartKind,
-    ast::{Expr, ExprKind, Ident, OptionItem},
-    at_expr, split_prefixes,
+    ast::{Argument, Expr, ExprKind, Ident, OptionItem},
+    at_expr, children, each_name, split_prefixes,
 };
 use wfl_compiler::{
     Constant, each_name_in_effect,
@@ -54,6 +54,17 @@ fn texts(script: &ResolvedScript) -> impl Iterator<Item = &Expr> {
         _ => None,
     });
     script.terms.iter().map(|t| &t.expr).chain(updates)
+}
+
+/// Calls `f` for each `Rate(e)`, with what it is taken of.
+fn each_rate<'e>(e: &'e Expr, f: &mut dyn FnMut(&'e Expr, &'e Expr)) {
+    if let ExprKind::Call(callee, arguments) = &e.kind
+        && let (ExprKind::Name(word), [Argument::Expr(of)]) = (&callee.kind, arguments.as_slice())
+        && word == "Rate"
+    {
+        f(e, of);
+    }
+    children(e, &mut |part| each_rate(part, f));
 }
 
 /// True for a field whose second rate stands in a term, with an effect or without.
@@ -154,10 +165,65 @@ impl Builder<'_> {
         made
     }
 
-    /// E461 for `Rate(e)` where rates of the scheme are no differences over the step.
+    /// E461 for rates of states where equations, loads and updates read them: states are those of the last step there, now and one
+    /// step earlier, so that their rates would be zero. Measures and outputs come behind their renewal.
+    pub(super) fn rates_of_states(&mut self) {
+        let is_state = |word: &str| {
+            let (_, root) = split_prefixes(word);
+            self.script.fields.iter().any(|f| f.name.name == root && matches!(f.kind, Declared::State { .. }))
+        };
+        let mut found: Option<(&Expr, String)> = None;
+        for text in texts(self.script).chain(self.script.loads.iter().map(|load| &load.value)) {
+            each_rate(text, &mut |e, of| {
+                let mut state = None;
+                each_name(of, &mut |word| {
+                    state = state.take().or(is_state(word).then(|| split_prefixes(word).1.to_owned()))
+                });
+                found = found.take().or(state.map(|state| (e, state)));
+            });
+            wfl::each_word(text, &mut |e, word| {
+                if split_prefixes(word).0.contains("Dot_") && is_state(word) {
+                    found = found.take().or(Some((e, split_prefixes(word).1.to_owned())));
+                }
+            });
+        }
+        if let Some((e, state)) = found {
+            let d = Diagnostic::new(
+                Code::E461,
+                format!("`{state}` has no rate before it is renewed, at the end of the step"),
+            );
+            let d = at_expr(d, e, self.env.expansions, "here the state is still that of the last step");
+            self.diagnostics.push(d.help("the change as its update writes it, over `timestep`"));
+        }
+    }
+
+    /// E461 for `Rate(e)` where rates of the scheme are no differences over the step, and for rates of data where the equations
+    /// stand within it: those are differences from there over the whole step.
     pub(super) fn rates_of_expressions(&mut self, scheme: Scheme) {
         if scheme == Scheme::BackwardEuler {
             return;
+        }
+        if let (Scheme::Alpha(_), Some(statement)) = (scheme, &self.script.scheme) {
+            let is_data = |name: &str| {
+                self.script.fields.iter().any(|f| f.name.name == name && matches!(f.kind, Declared::Data { .. }))
+            };
+            let mut found = None;
+            for text in texts(self.script) {
+                wfl::each_word(text, &mut |e, word| {
+                    let (prefixes, root) = split_prefixes(word);
+                    if prefixes.contains("Dot_") && is_data(root) {
+                        found = found.or(Some(e));
+                    }
+                });
+            }
+            if let Some(e) = found {
+                let d = Diagnostic::new(Code::E461, "rates of data are not those of this scheme");
+                let d =
+                    at_expr(d, e, self.env.expansions, "").at(statement.span, "its equations stand within the step");
+                self.diagnostics.push(
+                    d.help("scheme newmark or bdf2; or an unknown with an equation of its own: (k - formula)*Test_k"),
+                );
+            }
         }
         let mut found = None;
         for text in texts(self.script) {

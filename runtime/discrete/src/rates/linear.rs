@@ -4,7 +4,7 @@
 //! direction the same rows act on what the fields move by; a result goes back through their transposes. Both take the
 //! lengths of the steps as they are.
 
-use super::{FieldRates, Rates, Row, Rows, order_index, scheme::KEPT};
+use super::{FieldRates, Rates, Row, driven::Both, order_index, scheme::KEPT};
 use wfl_compiler::types::RateOrder;
 
 /// What is kept between two steps: by field with rates, by slot, by dof.
@@ -62,25 +62,57 @@ impl Rates {
         self.at_end(u, before).unwrap_or_else(|| self.fields.iter().map(|of| of.kept.clone()).collect())
     }
 
-    /// Adds to what a result follows of what was kept what it follows of the histories of the step, which `of` has by order
-    /// and field.
-    pub fn follow_histories<'h>(&self, of: impl Fn(RateOrder, usize) -> &'h [f64], factor: f64, kept: &mut Kept) {
-        for (own, kept) in self.fields.iter().zip(kept) {
+    /// Adds to what a result follows of what was kept, and of driven unknowns where the equations stand and at the start of the
+    /// step, what it follows of the histories of the step, which `of` has by order and field.
+    pub fn follow_histories<'h>(
+        &self,
+        of: impl Fn(RateOrder, usize) -> &'h [f64],
+        factor: f64,
+        ends: [&mut [f64]; 2],
+        kept: &mut Kept,
+    ) {
+        let mut all = [vec![0.0; ends[0].len()], vec![0.0; ends[0].len()]];
+        for (own, kept) in self.fields.iter().zip(&mut *kept) {
             for order in [RateOrder::First, RateOrder::Second] {
                 let (slot, followed) = (order_index(order), of(order, own.field));
                 if own.kept[slot].is_empty() {
                     continue;
                 }
-                let row = self.lengths().map(|lengths| {
-                    let Rows(rows) = self.scheme.in_equations(own.form, lengths);
-                    rows[slot]
-                });
+                let row = self.rows_in_equations(own).map(|rows| rows[slot].own);
                 // between two steps the rates are those that are kept
                 let row = row.unwrap_or_else(|| Row {
                     change: 0.0,
                     kept: std::array::from_fn(|k| f64::from(u8::from(k == slot))),
                 });
                 spread(&row, followed, factor, kept);
+                let all = all[slot][own.dofs.clone()].iter_mut().zip(followed);
+                all.for_each(|(all, followed)| *all = factor * followed);
+            }
+        }
+        self.follow_missing(all, Self::rows_in_equations, ends, kept);
+    }
+
+    /// The transpose of [`Self::missing`], from what a result follows of both rates, by dof.
+    fn follow_missing<const N: usize>(
+        &self,
+        followed: [Vec<f64>; 2],
+        rows: impl Fn(&Self, &FieldRates) -> Option<[Both<Row>; N]>,
+        [u, before]: [&mut [f64]; 2],
+        kept: &mut Kept,
+    ) {
+        if !self.are_driven() {
+            return;
+        }
+        for (slot, mut followed) in followed.into_iter().enumerate() {
+            self.part_of_driven(&mut followed);
+            for (own, kept) in self.fields.iter().zip(&mut *kept) {
+                let Some(rows) = rows(self, own).filter(|_| !own.kept[slot].is_empty()) else { continue };
+                let row = rows[slot].driven.minus(rows[slot].own);
+                for d in own.dofs.clone() {
+                    u[d] += row.change * followed[d];
+                    before[d] -= row.change * followed[d];
+                }
+                spread(&row, &followed[own.dofs.clone()], 1.0, kept);
             }
         }
     }
@@ -110,14 +142,17 @@ impl Rates {
     /// and to what was kept at its start.
     pub fn follow_end(&self, end: &Kept, ends: [&mut [f64]; 2], kept: &mut Kept) {
         let [u, before] = ends;
-        let lengths = self.lengths();
-        for ((own, end), kept) in self.fields.iter().zip(end).zip(kept) {
+        let mut all = [vec![0.0; u.len()], vec![0.0; u.len()]];
+        for ((own, end), kept) in self.fields.iter().zip(end).zip(&mut *kept) {
             for (slot, followed) in end.iter().enumerate().filter(|(_, followed)| !followed.is_empty()) {
-                let Some(lengths) = lengths else {
+                let Some(rows) = self.rows_at_end(own) else {
                     kept[slot].iter_mut().zip(followed).for_each(|(k, f)| *k += f);
                     continue;
                 };
-                let row = self.scheme.at_end(own.form, lengths)[slot];
+                let row = rows[slot].own;
+                if let Some(all) = all.get_mut(slot) {
+                    all[own.dofs.clone()].copy_from_slice(followed);
+                }
                 for (d, f) in own.dofs.clone().zip(followed) {
                     u[d] += row.change * f;
                     before[d] -= row.change * f;
@@ -125,6 +160,7 @@ impl Rates {
                 spread(&row, followed, 1.0, kept);
             }
         }
+        self.follow_missing(all, Self::rows_at_end, [u, before], kept);
     }
 }
 
@@ -137,14 +173,23 @@ fn spread(row: &Row, followed: &[f64], factor: f64, kept: &mut [Vec<f64>; KEPT])
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Scheme, tests::rates};
+    use super::super::{Alpha, Driven, Scheme, tests::rates};
     use super::*;
+    use crate::frames::{Frame, Frames};
 
     /// A step is linear in the values and in what is kept; its transpose has the same products.
     #[test]
     fn a_step_and_its_transpose() {
-        for scheme in [Scheme::Bdf { most: 2 }, Scheme::Bdf { most: 3 }, Scheme::Newmark { beta: 0.3, gamma: 0.6 }] {
+        let newmark = Scheme::Newmark { beta: 0.3, gamma: 0.6 };
+        let alpha = Scheme::Alpha(Alpha::generalised(0.6));
+        let all = [(Scheme::Bdf { most: 2 }, false), (Scheme::Bdf { most: 3 }, false), (newmark, false)];
+        for (scheme, is_driven) in all.into_iter().chain([(newmark, true), (alpha, true)]) {
             let mut step = rates(scheme);
+            if is_driven {
+                let frame = Frame { first: 3, axes: vec![vec![0.6, 0.8], vec![-0.8, 0.6]] };
+                step.set_driven(Driven::new(&Frames::new(vec![frame], 5), [2, 3]));
+                step.begin_with_rates();
+            }
             for h in [0.2, 0.3, 0.25] {
                 step.begin(h);
                 step.keep(&[h, 1.0, -h, 0.5, 2.0 * h], &[0.1; 5]);
@@ -160,7 +205,8 @@ mod tests {
             let (u, before): (Vec<f64>, Vec<f64>) = (0..5).map(|_| (next(), next())).unzip();
             let mut back = step.nothing();
             back.iter_mut().flatten().flatten().for_each(|x| *x = next());
-            let moved = step.along(&any);
+            let mut moved = step.along(&any);
+            moved.drive(&u, &before);
             let end = moved.kept_at(&u, &before);
             let product = |a: &Kept, b: &Kept| -> f64 {
                 a.iter().flatten().flatten().zip(b.iter().flatten().flatten()).map(|(x, y)| x * y).sum()
@@ -175,14 +221,15 @@ mod tests {
             let of = |order: RateOrder, field: usize| {
                 &weights[order_index(order) * 2..][..moved.history(order, field).len()]
             };
-            let mut read = step.nothing();
-            step.follow_histories(of, 1.0, &mut read);
+            let (mut read, mut of_u, mut of_before) = (step.nothing(), vec![0.0; 5], vec![0.0; 5]);
+            step.follow_histories(of, 1.0, [&mut of_u, &mut of_before], &mut read);
             let histories: f64 = [1, 2]
                 .into_iter()
                 .flat_map(|field| [(RateOrder::First, field), (RateOrder::Second, field)])
                 .map(|(order, field)| dot(moved.history(order, field), of(order, field)))
                 .sum();
-            assert!((product(&read, &any) - histories).abs() < 1e-12, "{scheme:?}");
+            let followed = product(&read, &any) + dot(&of_u, &u) + dot(&of_before, &before);
+            assert!((followed - histories).abs() < 1e-12, "{scheme:?}: {followed} {histories}");
         }
     }
 }

@@ -40,6 +40,7 @@ impl Rates {
         };
         let (mut base, mut held) = (before.to_vec(), self.clone());
         let (velocity, acceleration) = (self.factors.velocity, self.factors.acceleration);
+        let driven = self.added_to_histories();
         for of in self.fields.iter().filter(|of| of.form == RateForm::Second) {
             let [first, second, ..] = &of.kept;
             let [of_first, of_second] = &mut held.histories;
@@ -49,6 +50,10 @@ impl Rates {
                 // what the rounding of the predictor leaves of a second rate of -s
                 let beside = (base[d] - before[d]) - 2.0 * r / velocity;
                 (*rates.0, *rates.1) = (r + velocity * beside, acceleration * beside - s);
+            }
+            for (history, added) in [of_first, of_second].into_iter().zip(&driven) {
+                let added = added.get(of.dofs.clone()).unwrap_or_default();
+                history[of.field].iter_mut().zip(added).for_each(|(rate, added)| *rate += added);
             }
         }
         held.factors = super::RateFactors::default();

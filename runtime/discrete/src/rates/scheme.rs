@@ -175,6 +175,12 @@ impl Row {
         Self { change: c * self.change, kept }
     }
 
+    /// The difference of two rows.
+    pub(super) fn minus(self, other: Self) -> Self {
+        let kept = std::array::from_fn(|k| self.kept[k] - other.kept[k]);
+        Self { change: self.change - other.change, kept }
+    }
+
     /// (1 - part) of this row and `part` of the rate at the start.
     fn mixed(self, part: f64, rate: usize) -> Self {
         let mut kept = self.kept.map(|k| (1.0 - part) * k);
@@ -285,6 +291,25 @@ impl Scheme {
             _ => first.mixed(a.rate, 0),
         };
         Rows([first.of_part(a.alpha_f), second.mixed(a.alpha_m, 1).of_part(a.alpha_f)])
+    }
+
+    /// The same of given values, whose rates at the ends of steps are those there: the highest rates of unknowns are those of a
+    /// part of a step earlier or later under the alpha methods, which mix them otherwise.
+    pub(super) fn of_given_in_equations(&self, lengths: Lengths) -> Rows {
+        let [first, second, ..] = Self::of_given(lengths);
+        let offset = self.offset();
+        Rows([first.mixed(offset, 0).of_part(offset), second.mixed(offset, 1).of_part(offset)])
+    }
+
+    /// True if an error of the rates of given values stays: they follow from the change and the rates at the start.
+    #[must_use]
+    pub fn keeps_errors_of_given(&self) -> bool {
+        matches!(self, Scheme::Newmark { .. } | Scheme::Alpha(_))
+    }
+
+    /// What is kept of given values under such a scheme: by backward differentiation of second order.
+    pub(super) fn of_given(lengths: Lengths) -> [Row; KEPT] {
+        bdf(lengths.at_most(2))
     }
 
     /// What is kept at the end of a step of this length, from the values there.

@@ -13,6 +13,7 @@ use wfl_sparse::solve::RowOwners;
 use super::{FIXED, System};
 use crate::{
     assemble::{AssembledTerm, BranchCounts, FieldValues, TermError},
+    rates::Driven,
     share::Share,
 };
 
@@ -89,9 +90,27 @@ impl System {
     pub(super) fn share_again(&mut self) {
         let Some(part) = self.mesh.part() else { return };
         self.share = Some(Arc::new(Share::new(&self.mesh, part, &self.fields, &self.numbering)));
+        self.share_driven();
         let past = self.past_forms.iter_mut().map(|f| &mut f.form);
         for term in self.terms.iter_mut().chain(self.frozen.iter_mut().map(|f| &mut f.form)).chain(past) {
             term.forget_share();
+        }
+    }
+
+    /// A part of the mesh has not all faces of its copies: what moves them says their owner.
+    fn share_driven(&mut self) {
+        let Some(rates) = &self.known.rates else { return };
+        // where nothing is driven here, copies may be
+        let none = Driven::default();
+        let driven = rates.driven().unwrap_or(&none);
+        let n_components = |field: usize| self.fields[field].n_components;
+        let nodes = rates.fields().iter().flat_map(|of| {
+            let n = n_components(of.field);
+            of.dofs.clone().step_by(n).map(move |first| first..first + n)
+        });
+        let shared = driven.shared(self.numbering.n_dofs, nodes, |values| self.update_copies(values));
+        if let Some(rates) = &mut self.known.rates {
+            rates.set_driven(shared);
         }
     }
 
