@@ -361,3 +361,48 @@ fn a_fault_with_inertia_is_run_by_auto() {
     assert!(coarse.0 < 1e-3 && fine.0 < 2e-4, "{coarse:?} {fine:?}");
     assert!(coarse.1 < 500 && fine.1 < 1500, "{coarse:?} {fine:?}");
 }
+
+/// An elastoplastic bar with linear hardening that is pulled, goes back beyond yield, and is pulled again: the plastic strain that
+/// is left follows from how far it has gone, E (u - e) - H e = -sy at the turn, which no step passes over: neither the corner of
+/// a formula nor the turn of a smooth one.
+#[test]
+fn no_step_passes_over_the_turn_of_a_load() {
+    let turns = [
+        "3e-3 - 2.3e-3*(if t > 1 then 1 - abs(t - 2) else 0) - 3e-3*pos_part(1 - t)",
+        "3e-3*min(t, 1) - 2.3e-3*min(pos_part(t - 1), pos_part(3 - t))",
+        "if t < 1 then 3e-3*t else 1.85e-3 - 1.15e-3*cos(pi*t)",
+    ];
+    for load in turns {
+        for error in ["1e-3", "1e-5"] {
+            let found = outcome(&format!(
+                "wfl 1\nparam E = 1000\nparam H = 100\nparam sy = 1\nmesh box [0] to [1] cells [2] segment\n\
+                 region l = faces where x == 0\nregion r = faces where x == 1\nunknown u : scalar\n\
+                 def trial = E*(Grad_u(1) - Previous_ep) - H*Previous_ep\n\
+                 def dep = (trial - Ball_projection([trial], sy)(1))/(E + H)\n\
+                 state ep : scalar on all := Previous_ep + dep\nstart ep = 1e-3\n\
+                 term bar on all : E*(Grad_u(1) - Previous_ep - dep)*Grad_Test_u(1)\nfix u = 0 on l\nfix u = {load} on r\n\
+                 steps t = 0 to 2.6 by auto with first=1e-2, error={error}\nmeasure e = mean(ep) on all\n"
+            ));
+            let left = found.steps.last().expect("steps").measures[0].1;
+            let exact = (1000.0 * 0.7e-3 + 1.0) / 1100.0;
+            assert!((left / exact - 1.0).abs() < 2e-4, "{load} with {error}: {left}, {exact}");
+        }
+    }
+}
+
+/// While all points stick, the slip that a state keeps is nothing but rounding: it has no error, and the response is linear.
+#[test]
+fn a_state_that_is_rounding_asks_for_no_steps() {
+    let found = outcome(
+        "wfl 1\nparam gamma = 1e6\nparam fric = 0.3\nmesh box [0,0] to [1,1] cells [6,6] quad\n\
+         region floor = faces where y == 0\nregion top = faces where y == 1\nunknown u : vector\n\
+         def tang(w) = w - (w.Normal)*Normal\nterm block on all : 1000*Sym(Grad_u):Grad_Test_u\n\
+         def press = gamma*pos_part(u.Normal)\ndef trial = gamma*(tang(u) - Previous_slid)\n\
+         def q = Ball_projection(trial, fric*press)\nstate slid : vector on floor := tang(u) - q/gamma\n\
+         term contact on floor : (press*Normal + q).Test_u\nsteps t = 0 to 0.1 by auto with first=1e-2, error=1e-4\n\
+         fix u = [1e-3*t, -5e-3] on top\nmeasure slip = max(Norm(slid)) on floor\n",
+    );
+    assert!(found.steps.len() < 40, "{} steps", found.steps.len());
+    assert!(found.steps.iter().all(|s| s.measures[0].1 < 1e-15));
+    assert!(doubts(&found).iter().all(|(code, _)| *code != "W618"));
+}

@@ -139,10 +139,11 @@ impl Adaptive {
         }
         let solution = joined(&end, stepper.next_states.iter().map(Vec::as_slice));
         let mut errors = self.errors(scene, rules, increment, &solution, &[]);
-        // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
-        if errors.is_some_and(|e| e.largest() > 1.0) && !history.solves.is_empty() {
+        if errors.is_some_and(|e| e.largest() > 1.0) {
+            // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
+            let was_solved = !history.solves.is_empty();
             // a field that is zero but for rounding has no error to be made smaller
-            let rounding = rounding(stepper, scene, u).unwrap_or_default();
+            let rounding = rounding(stepper, scene, u, was_solved).unwrap_or_default();
             errors = self.errors(scene, rules, increment, &solution, &rounding);
         }
         let least = Control::is_least(rules, scene.system.step().start(), increment);
@@ -163,13 +164,38 @@ impl Adaptive {
     }
 }
 
-/// By dof what rounding may change of the unknowns at `u`.
-fn rounding(stepper: &mut Stepper, scene: &Solving<'_>, u: &[f64]) -> Option<Vec<f64>> {
+/// The part of unknowns by which they are moved to see the rounding of states: far above their own, far below any error that is
+/// demanded.
+const MOVED: f64 = 1e-12;
+/// How often they are moved, each time by another part: rounding is zero by chance.
+const MOVES: [f64; 3] = [1.0, -0.61, 1.37];
+
+/// By dof what rounding may change of the unknowns at `u`, zero where no system was solved for them, and behind them of the
+/// states that follow from them: one that is a difference of unknowns may be nothing but their rounding.
+fn rounding(stepper: &mut Stepper, scene: &Solving<'_>, u: &[f64], was_solved: bool) -> Option<Vec<f64>> {
     let system = &scene.system;
-    let residual = system.residual(u, &Form { linear: stepper.linear, ..Form::AS_WRITTEN }).ok()?;
-    let (solver, tangent) = (stepper.solver.as_mut()?, stepper.tangent.as_ref()?);
-    let state = Solved { system, contact: scene.contact, tangent, u, residual: &residual };
-    rounding_of_unknowns(state, solver)
+    let mut all = match was_solved {
+        true => {
+            let residual = system.residual(u, &Form { linear: stepper.linear, ..Form::AS_WRITTEN }).ok()?;
+            let (solver, tangent) = (stepper.solver.as_mut()?, stepper.tangent.as_ref()?);
+            let state = Solved { system, contact: scene.contact, tangent, u, residual: &residual };
+            rounding_of_unknowns(state, solver)?
+        }
+        false => vec![0.0; u.len()],
+    };
+    let mut of_states = vec![0.0f64; stepper.next_states.iter().map(Vec::len).sum()];
+    let moves = if of_states.is_empty() { &[][..] } else { &MOVES };
+    for part in moves.iter().copied() {
+        let by = |d: usize| if d.is_multiple_of(2) { part } else { -part };
+        let moved = u.iter().zip(&all).enumerate();
+        let moved: Vec<f64> = moved.map(|(d, (x, rounding))| x + by(d) * rounding.max(MOVED * x.abs())).collect();
+        let next = scene.scene.states.iter().flat_map(|state| state.next(system, system.step(), &moved));
+        for (largest, (a, b)) in of_states.iter_mut().zip(next.zip(stepper.next_states.iter().flatten())) {
+            *largest = largest.max((a - b).abs());
+        }
+    }
+    all.extend(of_states);
+    Some(all)
 }
 
 fn listed(tried: &Tried, increment: f64, spent: Spent) -> Attempt {

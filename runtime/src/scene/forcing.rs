@@ -3,14 +3,16 @@
 //!
 //! Each formula is sampled at a few points of its region: on an equal grid, around the zeros of the sums and comparisons in
 //! it (`t - 5` of a pulse around 5), at the rows of its tables, and halved between values that differ by a tenth of its
-//! range. What still jumps between neighbouring numbers is a jump.
+//! range. What still jumps between neighbouring numbers is a jump; where the slope of a formula of the step variable alone
+//! jumps is a kink (`abs(t - 2)`). Steps end at both. A scene with a memory (states, values of the previous step) depends on
+//! how far its loads have gone, so there steps end where a formula turns, too.
 //! Promises: the same on all ranks; a scene without such formulas pays nothing; work is bounded ([`MOST`]).
 //! Does not see what depends on unknowns, and no pulse that is narrower than the grid and has no zero of a sum in it.
 
 use wfl::{
     ResolvedScript, Span,
     ast::{Argument, Cond, CondKind, Expr, ExprKind, Ident, Place},
-    children, cond_children, each_name,
+    children, cond_children, each_name, split_prefixes,
 };
 use wfl_compiler::{InterpreterBackend, compile_value, types::UniformSlot};
 
@@ -43,6 +45,13 @@ const SAME: f64 = 1e-11;
 const ALIKE: f64 = 1e-6;
 /// Parts of the range at which zeros of sums are sought.
 const SEARCH: usize = 64;
+/// How far beside a zero a slope is looked at, in parts of the range of the step variable.
+const BESIDE: f64 = 1e-6;
+/// A kink changes the slope by at least this part of the range of a formula over that of the step variable; what is less
+/// changes values by less than its own error over a step of the run.
+const KINK: f64 = 1e-3;
+/// Parts of the range by which a formula goes on behind a value where it turns: less is rounding or no load to speak of.
+const TURNED: f64 = 1e-3;
 /// Zeros that are looked around, at most.
 const ZEROS: usize = 400;
 
@@ -51,8 +60,11 @@ const ZEROS: usize = 400;
 pub struct Forcing {
     /// Each number with its own values of the step variable.
     courses: Vec<Course>,
-    /// Values of the step variable behind which some number is another one: the last number before the jump.
+    /// Values of the step variable behind which some number is another one (the last number before the jump), or goes on with
+    /// another slope.
     jumps: Vec<f64>,
+    /// Values of the step variable at which some number turns, where that matters.
+    turns: Vec<f64>,
     same: f64,
 }
 
@@ -79,6 +91,8 @@ impl Forcing {
     /// How far a step that begins at `from` may reach, at most to `to`, without leaving out what drives the scene.
     #[must_use]
     pub fn reach(&self, from: f64, to: f64) -> f64 {
+        let turn = self.turns.get(self.turns.partition_point(|t| *t <= from + self.same));
+        let to = turn.map_or(to, |turn| to.min(*turn));
         self.courses.iter().map(|course| course.reach(from, to)).fold(to, f64::min)
     }
 }
@@ -101,6 +115,26 @@ impl Course {
             longest = longest.max(self.times[k] - self.times[begin]);
         }
         longest < QUIET * span
+    }
+
+    /// Where it has turned, as samples: from rising to falling, or the other way.
+    fn turns(&self) -> Vec<f64> {
+        let mut found = Vec::new();
+        // the sample that went farthest, and whether up
+        let (mut best, mut rises) = (0, None);
+        for (k, value) in self.values.iter().enumerate() {
+            let ahead = value - self.values[best];
+            match rises {
+                None if ahead.abs() > TURNED => (best, rises) = (k, Some(ahead > 0.0)),
+                Some(up) if (ahead > 0.0) == up => best = k,
+                Some(up) if ahead.abs() > TURNED => {
+                    found.push(self.times[best]);
+                    (best, rises) = (k, Some(!up));
+                }
+                _ => {}
+            }
+        }
+        found
     }
 
     /// The value between two samples.
@@ -141,12 +175,26 @@ impl Builder<'_> {
         for formula in formulas {
             formula.look(steps, corners, &mut forcing);
         }
-        forcing.jumps.sort_by(f64::total_cmp);
+        if self.has_memory() {
+            forcing.turns = forcing.courses.iter().flat_map(Course::turns).collect();
+        }
         let least = SAME * (steps.last() - steps.first());
         forcing.same = least;
-        forcing.jumps.retain(|t| *t > steps.first() + least && *t < steps.last() - least);
-        forcing.jumps.dedup_by(|a, b| *a - *b <= least);
+        for list in [&mut forcing.jumps, &mut forcing.turns] {
+            list.sort_by(f64::total_cmp);
+            list.retain(|t| *t > steps.first() + least && *t < steps.last() - least);
+            list.dedup_by(|a, b| *a - *b <= least);
+        }
         forcing
+    }
+
+    /// Whether the state depends on the way to it: by states, or by values of the previous step.
+    fn has_memory(&self) -> bool {
+        let mut reads_past = false;
+        for term in &self.script.terms {
+            each_name(&term.expr, &mut |word| reads_past |= split_prefixes(word).0.contains("Previous_"));
+        }
+        reads_past || self.has_states()
     }
 
     /// Adds the largest parts of an expression that depend on the step variable and positions alone.
@@ -260,9 +308,14 @@ impl Formula {
     fn look(mut self, steps: &Steps, corners: &[f64], forcing: &mut Forcing) {
         let (first, last) = (steps.first(), steps.last());
         let span = last - first;
-        let times = self.times(first, last, corners);
+        let zeros = self.zeros(first, last);
+        let times = times(&zeros, first, last, corners);
         let samples = self.sampled(&times, span);
         let ranges = ranges(&samples);
+        if self.value.law.inputs.is_empty() {
+            let inside = zeros.into_iter().filter(|z| *z - BESIDE * span > first && *z + BESIDE * span < last);
+            forcing.jumps.extend(inside.filter(|z| self.has_kink(*z, span, &ranges)));
+        }
         let is_jump = |p: &[Sample]| p[1].0 - p[0].0 <= SAME * span && differ(&p[0].1, &p[1].1, &ranges);
         forcing.jumps.extend(samples.windows(2).filter(|p| is_jump(p)).map(|p| p[0].0));
         let mut distinct: Vec<Course> = Vec::new();
@@ -284,24 +337,22 @@ impl Formula {
         forcing.courses.extend(distinct);
     }
 
-    /// Where it is looked at first: on an equal grid, at corners, and ever closer to zeros.
-    fn times(&mut self, first: f64, last: f64, corners: &[f64]) -> Vec<f64> {
-        let span = last - first;
-        #[expect(clippy::cast_precision_loss, reason = "a few values")]
-        let mut times: Vec<f64> = (0..=GRID).map(|k| first + span * (k as f64 / GRID as f64)).collect();
-        times.extend(corners);
-        for zero in self.zeros(first, last) {
-            times.push(zero);
-            let mut distance = 0.1 * span;
-            while distance > 1e-9 * span {
-                times.extend([1.0, 0.5, 0.2].iter().flat_map(|part| [zero - part * distance, zero + part * distance]));
-                distance *= 0.1;
-            }
-        }
-        times.retain(|t| (first..=last).contains(t));
-        times.sort_by(f64::total_cmp);
-        times.dedup();
-        times
+    /// Whether the slope of some number jumps at a value of the step variable: its change is the same however close one looks.
+    fn has_kink(&self, at: f64, span: f64, ranges: &[(f64, f64)]) -> bool {
+        let here = numbers(&self.value, &self.points, at);
+        let change = |distance: f64| -> Vec<f64> {
+            let [before, behind] = [-distance, distance].map(|d| numbers(&self.value, &self.points, at + d));
+            let bend = (0..here.len()).map(|c| (before[c] - here[c]) + (behind[c] - here[c]));
+            bend.map(|bend| bend / distance).collect()
+        };
+        let (far, near) = (change(BESIDE * span), change(0.125 * BESIDE * span));
+        (0..here.len()).filter(|c| changes(ranges[*c])).any(|c| {
+            let (low, high) = ranges[c];
+            // rounding of the numbers over the shorter distance
+            let rounding = 16.0 * f64::EPSILON * low.abs().max(high.abs()) / (0.125 * BESIDE * span);
+            let least = (KINK * (high - low) / span).max(rounding);
+            near[c].abs() > least && near[c].abs() > 0.5 * far[c].abs() && near[c].abs() < 2.0 * far[c].abs()
+        })
     }
 
     /// Its numbers there, and between those that differ by much, until these are as close as numbers are.
@@ -355,6 +406,26 @@ impl Formula {
         found.truncate(ZEROS);
         found
     }
+}
+
+/// Where a formula is looked at first: on an equal grid, at corners, and ever closer to zeros.
+fn times(zeros: &[f64], first: f64, last: f64, corners: &[f64]) -> Vec<f64> {
+    let span = last - first;
+    #[expect(clippy::cast_precision_loss, reason = "a few values")]
+    let mut times: Vec<f64> = (0..=GRID).map(|k| first + span * (k as f64 / GRID as f64)).collect();
+    times.extend(corners);
+    for zero in zeros {
+        times.push(*zero);
+        let mut distance = 0.1 * span;
+        while distance > 1e-9 * span {
+            times.extend([1.0, 0.5, 0.2].iter().flat_map(|part| [zero - part * distance, zero + part * distance]));
+            distance *= 0.1;
+        }
+    }
+    times.retain(|t| (first..=last).contains(t));
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    times
 }
 
 /// A value of the step variable, and the numbers of a formula there.
@@ -416,7 +487,8 @@ fn mentions(e: &Expr, variable: &str) -> bool {
     found
 }
 
-/// Calls `f` for each sum that depends on the step variable, and for the difference of both sides of each comparison.
+/// Calls `f` for each sum that depends on the step variable, and for what decides about branches: the difference of both
+/// sides of each comparison, and of what the smaller or larger is taken; the argument of a function with a kink at zero.
 fn each_sum(e: &Expr, variable: &str, f: &mut dyn FnMut(Expr)) {
     if matches!(e.kind, ExprKind::Sum(_)) && mentions(e, variable) {
         f(e.clone());
@@ -424,7 +496,30 @@ fn each_sum(e: &Expr, variable: &str, f: &mut dyn FnMut(Expr)) {
     if let ExprKind::If(condition, ..) = &e.kind {
         each_difference(condition, variable, f);
     }
+    if let ExprKind::Call(callee, arguments) = &e.kind
+        && let ExprKind::Name(word) = &callee.kind
+    {
+        match (word.as_str(), arguments.as_slice()) {
+            ("min" | "max", [Argument::Expr(a), Argument::Expr(b)]) => difference(a, b, variable, f),
+            ("abs" | "pos_part" | "neg_part" | "sign" | "Heaviside", [Argument::Expr(a)])
+                if mentions(a, variable) && !matches!(a.kind, ExprKind::Sum(_)) =>
+            {
+                f(a.clone());
+            }
+            _ => {}
+        }
+    }
     children(e, &mut |part| each_sum(part, variable, f));
+}
+
+/// Calls `f` for the difference of two expressions, if it depends on the step variable.
+fn difference(left: &Expr, right: &Expr, variable: &str, f: &mut dyn FnMut(Expr)) {
+    let (span, expansion): (Span, _) = (left.span, left.expansion);
+    let kind = ExprKind::Sum(vec![(false, left.clone()), (true, right.clone())]);
+    let difference = Expr { kind, span, expansion };
+    if mentions(&difference, variable) {
+        f(difference);
+    }
 }
 
 fn each_difference(condition: &Cond, variable: &str, f: &mut dyn FnMut(Expr)) {
@@ -432,12 +527,7 @@ fn each_difference(condition: &Cond, variable: &str, f: &mut dyn FnMut(Expr)) {
         CondKind::Compare(first, rest) => {
             let mut left: &Expr = first;
             for (_, right) in rest {
-                let (span, expansion): (Span, _) = (left.span, left.expansion);
-                let kind = ExprKind::Sum(vec![(false, left.clone()), (true, right.clone())]);
-                let difference = Expr { kind, span, expansion };
-                if mentions(&difference, variable) {
-                    f(difference);
-                }
+                difference(left, right, variable, f);
                 left = right;
             }
         }
@@ -471,7 +561,7 @@ mod tests {
 
     fn course(f: impl Fn(f64) -> f64, times: &[f64]) -> Forcing {
         let course = Course { times: times.to_vec(), values: times.iter().map(|t| f(*t)).collect() };
-        Forcing { courses: vec![course], jumps: Vec::new(), same: 0.0 }
+        Forcing { courses: vec![course], ..Forcing::default() }
     }
 
     #[test]
