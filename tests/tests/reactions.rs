@@ -107,3 +107,108 @@ fn what_carries_nothing_is_refused() {
     );
     assert!(told.contains("E460") && told.contains("explicit"), "{told}");
 }
+
+/// What multiplies a reaction is found once, before the run: it may not change from step to step.
+#[test]
+fn a_reaction_that_turns_in_time_is_refused() {
+    let scene = |reaction: &str| {
+        format!("{BLOCK}load u = [t,0] on east\nsteps t = 1 to 3 by 1\nmeasure pull = reaction({reaction}) on west\n")
+    };
+    for reaction in ["t*u(1)", "(if t > 1.5 then 2 else 1)*u(1)", "cos(t)*u(1) + sin(t)*u(2)"] {
+        let told = refused(&scene(reaction));
+        assert!(told.contains("error[E460]") && told.contains("a number, or one of the position"), "{told}");
+    }
+}
+
+/// A bar of mass 1 that is shaken at both ends as a whole, u = 0.1 sin 3t: mass times acceleration is the force of the supports,
+/// with an error of second order, in single steps and not on average.
+#[test]
+fn a_shaken_support_carries_mass_times_acceleration() {
+    let error = |scheme: &str, start: &str, n: u32| {
+        let found = solved(format!(
+            "mesh box [0] to [1] cells [1] segment\nregion ends = faces where x*(1 - x) == 0\nunknown u : scalar\n\
+             term bar on all : Grad_u.Grad_Test_u\nterm mass on all : Dot2_u*Test_u\n\
+             fix u = 0.1*sin(3*t) on ends\nstart Dot_u = {start}\n{scheme}\nsteps t = 0 to 1 by 1/{n}\n\
+             measure F = reaction(u) on ends\nmeasure a = value(Dot2_u) at [0]\n"
+        ));
+        let of = |step: usize| {
+            let exact = -0.9 * (3.0 * found.outcome.steps[step].window.end).sin();
+            let [force, acceleration] = ["F", "a"].map(|name| found.measure(step, name));
+            (force + exact).abs().max((acceleration - exact).abs())
+        };
+        // the first three steps know no earlier ones
+        (4..found.outcome.steps.len()).map(of).fold(0.0, f64::max)
+    };
+    for (scheme, start) in [("", "0.3"), ("scheme newmark with beta=0.3025, gamma=0.6", "0"), ("scheme bdf2", "0.3")] {
+        let (coarse, fine) = (error(scheme, start, 50), error(scheme, start, 100));
+        assert!(fine < 2e-3 && fine < 0.3 * coarse, "{scheme}: {coarse} {fine}");
+    }
+}
+
+/// Heat flows into a wall whose temperature rises and then stays: a rate that is given is that of the formula, and is forgotten.
+#[test]
+fn a_temperature_that_stays_has_no_rate() {
+    let found = solved(
+        "mesh box [0] to [1] cells [8] segment\nregion west = faces where x == 0\nunknown T : scalar\n\
+         term heat on all : Dot_T*Test_T + Grad_T.Grad_Test_T\nfix T = min(10*t, 1) on west\n\
+         scheme newmark\nsteps t = 0 to 0.5 by 0.01\nmeasure flux = reaction(T) on west\n\
+         measure stored = integral(Dot_T) on all\nmeasure rate = value(Dot_T) at [0]\n",
+    );
+    let last = found.outcome.steps.len() - 1;
+    let [flux, stored, rate] = ["flux", "stored", "rate"].map(|name| found.measure(last, name));
+    assert!(rate.abs() < 1e-12 && (flux + stored).abs() < 1e-12, "{rate} {flux} {stored}");
+}
+
+/// A load is minus a term: both are followed in whatever they read.
+#[test]
+fn a_load_that_reads_unknowns_is_the_term() {
+    let pairs = [
+        ("unknown g : scalar global\nterm hold on global : (g - 3)*Test_g\n", "g"),
+        ("", "1 - u"),
+        ("", "1/(1 + u^2)"),
+        ("", "pos_part(1 - u)"),
+        ("", "1 - 0.3*Previous_u - Grad_u(1)"),
+    ];
+    for (more, load) in pairs {
+        let value = |statement: &str| {
+            let text = format!(
+                "mesh box [0] to [1] cells [4] segment\nregion west = faces where x == 0\nregion east = faces where x == 1\n\
+                 unknown u : scalar\n{more}term bar on all : Grad_u.Grad_Test_u\nfix u = 0 on west\n{statement}\n\
+                 steps t = 1 to 3 by 1\nmeasure end = value(u) at [1]\n"
+            );
+            solved(text).measure(2, "end")
+        };
+        let (of_load, of_term) =
+            (value(&format!("load u = {load} on east")), value(&format!("term pull on east : -({load})*Test_u")));
+        assert!((of_load - of_term).abs() < EXACT && of_load.abs() > 0.1, "{load}: {of_load} {of_term}");
+    }
+}
+
+/// A free bar that is moved at one end: the support carries the inertia of all of it, and the far end is that of other schemes, for
+/// a motion that begins smoothly and for one that jumps in the first step.
+#[test]
+fn a_support_that_moves_carries_the_inertia_of_the_bar() {
+    let bar = |motion: &str, start: &str, scheme: &str, n: u32| {
+        let reaction = if scheme.starts_with("newmark") || scheme.starts_with("bdf") {
+            "measure r = reaction(u) on right\n"
+        } else {
+            "measure r = 0\n"
+        };
+        let found = solved(format!(
+            "mesh box [0] to [1] cells [4] segment\nregion right = faces where x == 1\nunknown u : scalar\n\
+             term bar on all : Grad_u.Grad_Test_u + Dot2_u*Test_u\nfix u = {motion} on right\nstart Dot_u = {start}\n\
+             scheme {scheme}\nsteps t = 0 to 1 by 1/{n}\n{reaction}measure a = integral(Dot2_u) on all\n\
+             measure end = value(u) at [0]\n"
+        ));
+        let last = found.outcome.steps.len() - 1;
+        ["r", "a", "end"].map(|name| found.measure(last, name))
+    };
+    for (motion, start, size) in [("0.1*sin(3*t)", "0.3", 1e-2), ("0.1 + 1e-9*t", "0", 0.1), ("0.1", "0", 0.1)] {
+        let [.., exact] = bar(motion, start, "bdf2", 4000);
+        for scheme in ["newmark", "newmark beta=0.3025 gamma=0.6", "hht alpha=-0.1", "generalised_alpha rho_inf=0.5"] {
+            let [r, a, end] = bar(motion, start, scheme, 1000);
+            assert!(scheme.contains("alpha") || (r + a).abs() < 1e-9 * a.abs().max(1.0), "{motion} {scheme}: {r} {a}");
+            assert!((end - exact).abs() < 2e-2 * size, "{motion} {scheme}: {end}, {exact}");
+        }
+    }
+}

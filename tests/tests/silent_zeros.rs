@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use wfl_runtime::gradient::{Request, ahead, gradients};
-use wfl_tests::{ran, solve};
+use wfl_tests::{ran, refused, solve, solved};
 
 /// A body with a rate, a state, data, loads and prescribed values; what cases put in the place of its parts has `p` in it.
 const SCENE: &str = "wfl 1
@@ -45,6 +45,7 @@ const WITH_FIRST_RATES: &[Case] = &[
     ("a term", "0.3*Dot_u", "0.3*p*Dot_u", Followed),
     ("an energy", "", "energy more on all : p*u^4/40\n", Followed),
     ("a load on faces", "0.2*t on top", "0.2*p*t on top", Followed),
+    ("a load that follows the solution", "0.2*t on top", "0.2*t - 0.3*p*u - 0.1*u^2 on top", Followed),
     ("a load on nodes", "", "region tip = nodes where x == 1 and y == 1\nload u = 0.1*p on tip\n", Followed),
     ("data", "1 + x/4", "1 + p*x/4", Followed),
     ("the update of a state", "- s)/2", "- s)/(2*p)", Followed),
@@ -217,4 +218,50 @@ fn what_is_refused_is_refused_before_the_run() {
         .map(|case| case.0)
         .collect();
     assert!(late.is_empty(), "{late:?}");
+}
+
+/// What would count as zero, or as a part of what it says, is refused: scenes that differ from a right one by a few words.
+#[test]
+fn what_would_count_as_zero_is_refused() {
+    let bar = "mesh box [0] to [1] cells [4] segment\nregion west = faces where x == 0\nregion east = faces where x == 1\n\
+               unknown u : scalar\nfix u = 0 on west\nload u = 1 on east\nsteps t = 0 to 1 by 0.5\n\
+               state h : scalar on all := h + 3*timestep\ndata k : scalar on all = t*x\nmapping back = point x - 1\n";
+    let term = "term bar on all : Grad_u.Grad_Test_u";
+    let right = format!("{bar}{term}\nmeasure m = max(Interpolate(u, back)) on east\nmeasure r = mean(Dot_h) on all\n");
+    assert_eq!(solved(right).measure(1, "r"), 3.0);
+    let cases = [
+        ("a rate of a state in a term", "E461", format!("{bar}{term} - Dot_h*Test_u\n")),
+        ("... of an expression with one", "E461", format!("{bar}{term} - Rate(2*h)*Test_u\n")),
+        ("... in the update of another one", "E461", format!("{bar}{term}\nstate g : scalar on all := g + Dot_h\n")),
+        ("... in a load", "E461", format!("{bar}{term}\nload u = Dot_h on all\n")),
+        (
+            "a rate of data within a step",
+            "E461",
+            format!("{bar}{term} + Dot_u*Test_u - Dot_k*Test_u\nscheme hht\n").replace(" := h + 3*timestep", " := h"),
+        ),
+        (
+            "nodes through a mapping",
+            "E802",
+            format!("{bar}{term}\nmeasure m = max(Interpolate(u, back)) at nodes of east\n"),
+        ),
+        (
+            "the size of cells in their map",
+            "E405",
+            format!("{bar}{term}\n").replace(" segment\n", " segment map x*(1 + element_size)\n"),
+        ),
+        ("a reaction that turns", "E460", format!("{bar}{term}\nmeasure r = reaction(t*u) on west\n")),
+    ];
+    for (what, code, text) in cases {
+        let told = refused(&text);
+        assert!(told.contains(&format!("error[{code}]")), "{what}: {told}");
+    }
+}
+
+/// Formulas of a scene with rates need a value where something is solved, not where time starts.
+#[test]
+fn a_load_without_a_value_at_the_start_is_no_error() {
+    let text = "mesh box [0] to [1] cells [2] segment\nregion west = faces where x == 0\nregion east = faces where x == 1\n\
+                unknown u : scalar\nterm bar on all : Dot_u*Test_u + Grad_u.Grad_Test_u\nfix u = 0 on west\n\
+                load u = 1/sqrt(t) on east\nsteps t = 0 to 1 by 0.5\nmeasure end = value(u) at [1]\n";
+    assert!(solved(text).measure(2, "end") > 0.1);
 }

@@ -426,9 +426,9 @@ fn not_mapped(base: &Domain, from: &BTreeSet<FacetRef>, name: &Ident, span: Span
     Some(d.at(span, "only faces behind `from` have images").at(name.span, "declared here"))
 }
 
-/// A line, or a point of a series, cannot follow a mapping: it is no integration point.
+/// A line, a node or a point of a series cannot follow a mapping: it is no integration point.
 pub(super) fn refused(mapping: Option<usize>, what: &str, span: Span) -> Option<Diagnostic> {
     mapping?;
     let d = Diagnostic::new(Code::E802, format!("{what} cannot read through a mapping"));
-    Some(d.at(span, "a `measure` can, and `output vtk` on faces"))
+    Some(d.at(span, "a `measure` on a region can, and `output vtk` on faces"))
 }

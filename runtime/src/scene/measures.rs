@@ -157,6 +157,12 @@ impl Builder<'_> {
                 let (parts, diagnostics) = self.parts();
                 jumps::check(parts, &place.name, set, &law.jumps, diagnostics);
             }
+            let at_nodes = matches!((&measure.at, &set), (MeasureAt::Nodes, Some(_)));
+            let refused = at_nodes.then(|| mappings::refused(law.mapping, "a measure at nodes", measure.expr.span));
+            if let Some(d) = refused.flatten() {
+                self.diagnostics.push(d);
+                continue;
+            }
             let domain = match (&measure.at, &set) {
                 (MeasureAt::Nodes, Some(set)) => self.nodes_of(set, measure),
                 _ => {

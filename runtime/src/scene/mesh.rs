@@ -110,7 +110,12 @@ impl MeshMaker<'_> {
             return None;
         }
         match Value::new(law, self.backend) {
-            Ok(value) => Some(NodeMap { value, span: map.span }),
+            Ok(value) if value.reads_positions_only() => Some(NodeMap { value, span: map.span }),
+            Ok(_) => {
+                let d = Diagnostic::new(Code::E405, "the map of a mesh is one of positions only");
+                self.diagnostics.push(wfl::at_expr(d, map, env.expansions, ""));
+                None
+            }
             Err(e) => {
                 self.diagnostics.push(Diagnostic::new(Code::E609, e.to_string()).at(map.span, ""));
                 None

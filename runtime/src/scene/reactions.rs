@@ -272,7 +272,7 @@ impl Builder<'_> {
             return None;
         }
         let made = match Value::new(law, &InterpreterBackend) {
-            Ok(value) if value.reads_positions_only() => value.at_positions(positions).ok(),
+            Ok(value) if value.reads_positions_only() && !value.reads_step() => value.at_positions(positions).ok(),
             Ok(_) => None,
             Err(error) => {
                 self.diagnostics.push(Diagnostic::new(Code::E609, error.to_string()).at(e.span, ""));
@@ -283,6 +283,9 @@ impl Builder<'_> {
             let d = Diagnostic::new(
                 Code::E460,
                 "what multiplies the unknown in a reaction is a number, or one of the position",
+            );
+            let d = d.help(
+                "what changes from step to step can be computed of reactions afterwards: `output csv`, or in Python",
             );
             self.diagnostics.push(at_expr(d, e, self.env.expansions, ""));
         }
