@@ -65,6 +65,7 @@ fn pressed_cylinders_have_the_pressure_of_hertz() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_pressed_sphere_has_the_pressure_of_hertz() {
     assert_holds("B10");
 }
@@ -80,6 +81,7 @@ fn units_sizes_directions_and_numbering_do_not_matter() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn every_assembled_tangent_is_the_derivative_of_the_residual() {
     assert_holds("B16");
 }
@@ -95,17 +97,20 @@ fn the_theta_term_is_consistent_with_friction() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn all_methods_agree_with_the_independent_program_on_the_fault() {
     assert_holds("B3");
 }
 
 /// Minutes without optimisation, so only in the release suite.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn finer_and_quadratic_meshes_agree_with_the_independent_program_on_the_fault() {
     assert_holds("B3-fine");
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_block_held_by_friction_alone_is_in_equilibrium_up_to_the_limit() {
     assert_holds("B4");
 }

@@ -5,6 +5,7 @@
 use std::{
     path::PathBuf,
     process::{Command, Output},
+    sync::atomic::{AtomicUsize, Ordering},
     time::{Duration, Instant},
 };
 
@@ -85,7 +86,10 @@ const STATEMENTS: &[Kind] = &[
 ];
 
 fn wfl(name: &str, words: &[&str], text: &str) -> (Output, Duration) {
-    let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("large_{}", name.replace(' ', "_")));
+    // two lists have a kind of the same name, and tests run side by side
+    static CALLS: AtomicUsize = AtomicUsize::new(0);
+    let call = CALLS.fetch_add(1, Ordering::Relaxed);
+    let dir = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("large_{}_{call}", name.replace(' ', "_")));
     std::fs::create_dir_all(&dir).expect("a folder");
     std::fs::write(dir.join("scene.wfl"), format!("{BASE}{text}")).expect("a scene");
     let begin = Instant::now();

@@ -141,10 +141,11 @@ impl Adaptive {
         let mut errors = self.errors(scene, rules, increment, &solution, &[]);
         if errors.is_some_and(|e| e.largest() > 1.0) {
             // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
-            let was_solved = !history.solves.is_empty();
+            let solved = !history.solves.is_empty();
+            let own = if solved { rounding(stepper, scene, u) } else { Some(vec![0.0; u.len()]) };
             // a field that is zero but for rounding has no error to be made smaller
-            let rounding = rounding(stepper, scene, u, was_solved).unwrap_or_default();
-            errors = self.errors(scene, rules, increment, &solution, &rounding);
+            let own = own.map(|own| with_states(own, stepper, scene, u)).unwrap_or_default();
+            errors = self.errors(scene, rules, increment, &solution, &own);
         }
         let least = Control::is_least(rules, scene.system.step().start(), increment);
         let matrix = if scene.system.bulk_follows_steps() { Matrix::Kept } else { Matrix::New };
@@ -170,19 +171,20 @@ const MOVED: f64 = 1e-12;
 /// How often they are moved, each time by another part: rounding is zero by chance.
 const MOVES: [f64; 3] = [1.0, -0.61, 1.37];
 
-/// By dof what rounding may change of the unknowns at `u`, zero where no system was solved for them, and behind them of the
-/// states that follow from them: one that is a difference of unknowns may be nothing but their rounding.
-fn rounding(stepper: &mut Stepper, scene: &Solving<'_>, u: &[f64], was_solved: bool) -> Option<Vec<f64>> {
+/// By dof what rounding may change of the unknowns at `u`.
+fn rounding(stepper: &mut Stepper, scene: &Solving<'_>, u: &[f64]) -> Option<Vec<f64>> {
     let system = &scene.system;
-    let mut all = match was_solved {
-        true => {
-            let residual = system.residual(u, &Form { linear: stepper.linear, ..Form::AS_WRITTEN }).ok()?;
-            let (solver, tangent) = (stepper.solver.as_mut()?, stepper.tangent.as_ref()?);
-            let state = Solved { system, contact: scene.contact, tangent, u, residual: &residual };
-            rounding_of_unknowns(state, solver)?
-        }
-        false => vec![0.0; u.len()],
-    };
+    let residual = system.residual(u, &Form { linear: stepper.linear, ..Form::AS_WRITTEN }).ok()?;
+    let (solver, tangent) = (stepper.solver.as_mut()?, stepper.tangent.as_ref()?);
+    let state = Solved { system, contact: scene.contact, tangent, u, residual: &residual };
+    rounding_of_unknowns(state, solver)
+}
+
+/// That with the same of the states behind it, which follow from the unknowns: one that is a difference of unknowns may be
+/// nothing but their rounding.
+fn with_states(rounding: Vec<f64>, stepper: &Stepper, scene: &Solving<'_>, u: &[f64]) -> Vec<f64> {
+    let system = &scene.system;
+    let mut all = rounding;
     let mut of_states = vec![0.0f64; stepper.next_states.iter().map(Vec::len).sum()];
     let moves = if of_states.is_empty() { &[][..] } else { &MOVES };
     for part in moves.iter().copied() {
@@ -195,7 +197,7 @@ fn rounding(stepper: &mut Stepper, scene: &Solving<'_>, u: &[f64], was_solved: b
         }
     }
     all.extend(of_states);
-    Some(all)
+    all
 }
 
 fn listed(tried: &Tried, increment: f64, spent: Spent) -> Attempt {

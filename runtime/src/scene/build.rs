@@ -33,7 +33,7 @@ use crate::{
     field::Field,
     newton::NewtonOptions,
     pruning::Pruning,
-    rates::{Driven, Scheme},
+    rates::Scheme,
     results::SampledPiece,
     system::{FrozenTerm, Known, Numbering, Past, PastForm, System},
     window::Window,
@@ -337,15 +337,11 @@ impl Builder<'_> {
         let Assembled { terms, summaries, contact } = assembled?;
         let reads_past = reads_past || outputs_read_past(&vtk, csv.iter().chain(&series));
         let reads = if reads_past { Reads::Past } else { Reads::Present };
-        let steps = steps?;
-        let step_reads = if rates { Reads::Past } else { reads };
-        self.statements_without_effect(&numbering, &mut prescribed, &steps, step_reads)?;
-        let mut rates = rates::of(integration.scheme, self.env.rates, &self.fields, &numbering);
-        let begins = |position: usize| starts.iter().any(|(field, _)| *field == position);
-        if let Some(rates) = &mut rates {
-            rates.set_driven(Driven::new(&numbering.frames, prescribed.in_motion(begins)));
-        }
-        let known = Known { rates, ..nothing_known(&self.fields, &numbering, reads) };
+        let (steps, of_steps) = (steps?, if rates { Reads::Past } else { reads });
+        self.statements_without_effect(&numbering, &mut prescribed, &steps, of_steps)?;
+        let rates = rates::of(integration.scheme, self.env.rates, &self.fields, &numbering);
+        let known = nothing_known(&self.fields, &numbering, reads);
+        let known = Known { rates: rates::driven(rates, &numbering, &prescribed, &starts), ..known };
         let unused_fields = self.unused_fields(&used, &numbering);
         let env = self.owned_env();
         let made = System::new(self.mesh, self.fields, numbering, terms, known)

@@ -12,10 +12,10 @@ use wfl_compiler::{
     types::{FieldKind, FieldSig, RateForm},
 };
 
-use super::{Builder, Energy, Given, constants};
+use super::{Builder, Energy, Given, Prescribed, constants};
 use crate::{
     field::Field,
-    rates::{Alpha, MOST_ORDER, Rates, Scheme},
+    rates::{Alpha, Driven, MOST_ORDER, Rates, Scheme},
     system::Numbering,
 };
 
@@ -88,6 +88,19 @@ fn is_auto(script: &ResolvedScript) -> bool {
 pub(super) fn of(scheme: Scheme, forms: &[RateForm], fields: &[Field], numbering: &Numbering) -> Option<Rates> {
     let range = |k: usize| numbering.starts[k].map(|start| start..start + fields[k].n_dofs());
     Rates::new(scheme, forms, &(0..fields.len()).map(range).collect::<Vec<_>>())
+}
+
+/// Rates with what prescribed values drive; a field that begins with values may begin with others than those.
+pub(super) fn driven(
+    rates: Option<Rates>,
+    numbering: &Numbering,
+    prescribed: &Prescribed,
+    starts: &[(usize, Given)],
+) -> Option<Rates> {
+    let mut rates = rates?;
+    let begins = |position: usize| starts.iter().any(|(field, _)| *field == position);
+    rates.set_driven(Driven::new(&numbering.frames, prescribed.in_motion(begins)));
+    Some(rates)
 }
 
 /// What the statement `scheme` says.

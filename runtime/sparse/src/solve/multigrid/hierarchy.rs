@@ -4,8 +4,8 @@
 //! read. Coarser ones are of double precision, since the softest motions of thin bodies, far below the rounding of
 //! single precision, must survive there. The coarsest is factored.
 //!
-//! Promises: a cycle is the same symmetric operator every time, up to rounding, with the same bits for any number of
-//! threads.
+//! Promises: a cycle is the same operator every time, up to rounding, with the same bits for any number of threads; a
+//! symmetric one where no changing part was taken in.
 
 use wfl_host::team::Alone;
 
