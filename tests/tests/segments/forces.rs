@@ -90,8 +90,11 @@ proptest! {
         let through = residual(system, &["contact"]);
         let alone = residual(system, &["here", "there"]);
         let size = alone.iter().fold(0.0f64, |m, f| m.max(f.abs()));
+        // edges that nearly coincide cross where rounding over their angle says, which is about what cells are distorted by
+        let angles = [blocks.lower.amount, blocks.upper.amount].into_iter().filter(|angle| *angle > 0.0);
+        let rounding = 1e-12 * angles.fold(1.0f64, |m, angle| m.max(1e-3 / angle));
         for (a, b) in through.iter().zip(&alone) {
-            prop_assert!((a - b).abs() < 1e-12 * size, "{} for {} of {}", a, b, size);
+            prop_assert!((a - b).abs() < rounding * size, "{} for {} of {}", a, b, size);
         }
     }
 
