@@ -118,6 +118,10 @@ fn a_reaction_that_turns_in_time_is_refused() {
         let told = refused(&scene(reaction));
         assert!(told.contains("error[E460]") && told.contains("a number, or one of the position"), "{told}");
     }
+    for reaction in ["abs(u(1))", "(if u(1) > 0.3 then 1 else 0)*u(1)"] {
+        let told = refused(&scene(reaction));
+        assert!(told.contains("error[E460]") && told.contains("not linear"), "{told}");
+    }
 }
 
 /// A bar of mass 1 that is shaken at both ends as a whole, u = 0.1 sin 3t: mass times acceleration is the force of the supports,

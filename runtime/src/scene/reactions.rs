@@ -234,22 +234,24 @@ impl Builder<'_> {
         for c in 0..n {
             columns.push(self.at_nodes_with(e, field, &unit(c), positions)?);
         }
-        let trial: Vec<f64> = (0..n).map(|c| TRIAL[c % TRIAL.len()] + (c / TRIAL.len()) as f64).collect();
-        let whole = self.at_nodes_with(e, field, &trial, positions)?;
-        let mut out = Vec::with_capacity(n * positions.len());
-        for (k, found) in whole.iter().enumerate() {
-            let parts = || columns.iter().zip(&trial).map(|(column, t)| column[k] * t);
-            let size: f64 = parts().map(f64::abs).sum();
-            if (found - parts().sum::<f64>()).abs() > LINEAR * size.max(found.abs()) {
-                let name = &self.fields[field].name;
-                let d = Diagnostic::new(Code::E460, format!("this is not linear in `{name}`"));
-                let d = d.help("a sum of forces: a component u(1), a direction u.[0,1], a moment x*u(2) - y*u(1)");
-                self.diagnostics.push(at_expr(d, e, self.env.expansions, ""));
-                return None;
+        // with both signs: an absolute value is linear on each side
+        for sign in [1.0, -1.0] {
+            let trial: Vec<f64> = (0..n).map(|c| sign * (TRIAL[c % TRIAL.len()] + (c / TRIAL.len()) as f64)).collect();
+            let whole = self.at_nodes_with(e, field, &trial, positions)?;
+            for (k, found) in whole.iter().enumerate() {
+                let parts = || columns.iter().zip(&trial).map(|(column, t)| column[k] * t);
+                let size: f64 = parts().map(f64::abs).sum();
+                if (found - parts().sum::<f64>()).abs() > LINEAR * size.max(found.abs()) {
+                    let name = &self.fields[field].name;
+                    let d = Diagnostic::new(Code::E460, format!("this is not linear in `{name}`"));
+                    let d = d.help("a sum of forces: a component u(1), a direction u.[0,1], a moment x*u(2) - y*u(1)");
+                    self.diagnostics.push(at_expr(d, e, self.env.expansions, ""));
+                    return None;
+                }
             }
-            out.extend(columns.iter().map(|column| column[k]));
         }
-        Some(out)
+        let of_node = |k: usize| columns.iter().map(move |column| column[k]);
+        Some((0..positions.len()).flat_map(of_node).collect())
     }
 
     /// An expression at positions with a value of a field in place of its name; `None` after a message.
