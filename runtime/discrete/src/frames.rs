@@ -20,7 +20,7 @@ pub struct Frame {
 }
 
 /// The frames of a numbering; mostly none.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct Frames {
     list: Vec<Frame>,
     /// By dof: its frame, or [`NONE`]; empty without frames.

@@ -2,9 +2,9 @@
 //!
 //! Three mechanisms keep the limit. Every large allocation is announced with [`claim`] or made with [`zeros`]; one that
 //! does not fit is an error with both numbers before anything is allocated. Memory that was not announced is detected
-//! by [`watch`], which a program starts once; what the system itself refuses, by the allocator [`Telling`]. Without a limit of the user the limit is the memory of the machine, of
-//! the control group (a container) or of the address space (`ulimit -v`), whichever is smallest; on systems other than
-//! Linux there is none.
+//! by [`watch`], which a program starts once; what the system itself refuses, by the allocator [`Telling`]. Without a
+//! limit of the user the limit is the memory of the machine, of the control group (a container) or of the address space
+//! (`ulimit -v`), whichever is smallest; on systems other than Linux there is none.
 
 mod limits;
 #[expect(unsafe_code, reason = "the allocator of the system behind one that tells of refusals")]

@@ -336,11 +336,11 @@ impl<'s> Pass<'s> {
 
     /// Whether pure numbers that are made of these are such as are written as plain numbers: in a statement where a plain number
     /// takes the unit that is needed, `0.1*sin(2*pi*t/T)` does as `0.1` does.
-    fn is_open_formula(&self, given: &[&Expr]) -> Option<()> {
+    fn is_open_formula(&self, given: &[&Expr]) -> bool {
         let mut found = false;
         let is_of_place = |word: &str| matches!(word, "X" | "x" | "y" | "z") || self.scene.time == Some(word);
         given.iter().for_each(|e| each_name(e, &mut |word| found |= is_of_place(word)));
-        (self.plain && found).then_some(())
+        self.plain && found
     }
 
     fn apply(&mut self, rule: Rule, name: &str, e: &Expr, given: &[&Expr]) -> Value {
@@ -352,19 +352,19 @@ impl<'s> Pass<'s> {
                 if !matches!(name, "Id" | "qdim" | "qdims") {
                     value(self, first);
                 }
-                self.is_open_formula(given).map_or_else(|| Value::of(Some(Unit::pure())), |()| Value::number())
+                if self.is_open_formula(given) { Value::number() } else { Value::of(Some(Unit::pure())) }
             }
             Rule::NeedsPure => {
                 let value = value(self, first);
                 if let Some(a) = first {
                     self.needs_pure(&value, a, name, e);
                 }
-                Value { named: value.named && self.is_open_formula(given).is_none(), ..Value::number() }
+                Value { named: value.named && !self.is_open_formula(given), ..Value::number() }
             }
             Rule::Power(power) => value(self, first).raised(power),
             Rule::Same => self.all_equal(e, name, given),
             Rule::SameToPure => {
-                let named = self.all_equal(e, name, given).named && self.is_open_formula(given).is_none();
+                let named = self.all_equal(e, name, given).named && !self.is_open_formula(given);
                 Value { named, ..Value::number() }
             }
             Rule::Multiply => given.iter().fold(Value::number(), |product, a| product.times(&self.expr(a))),
