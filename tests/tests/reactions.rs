@@ -96,6 +96,9 @@ fn what_carries_nothing_is_refused() {
         ("measure f = reaction(x) on west", "a reaction is that of one unknown"),
         ("measure f = reaction(u) on west", "one component of the reaction: reaction(u(1))"),
         ("measure f = reaction(u(1)) at [0,0]", "E113"),
+        ("measure f = reaction(Grad(u(1)).[1,0]) on west", "not of `Grad` of them"),
+        ("measure f = reaction(u(1) + Div(u)) on west", "not of `Div` of them"),
+        ("measure f = reaction(Diff(u.u, u, [1,0])) on west", "not of `Diff` of them"),
     ] {
         let told = refused(&format!("{BLOCK}load u = [3,-2] on east\n{line}\n"));
         assert!(told.contains(says), "{line}: {told}");

@@ -249,6 +249,13 @@ fn what_would_count_as_zero_is_refused() {
             "E405",
             format!("{bar}{term}\n").replace(" segment\n", " segment map x*(1 + element_size)\n"),
         ),
+        ("data through a mapping", "E407", format!("{bar}{term}\n").replace("= t*x", "= Interpolate_filter(back, 3)")),
+        (
+            "prescribed values through a mapping",
+            "E407",
+            format!("{bar}{term}\nfix u = Interpolate_filter(back, 3) on east\n"),
+        ),
+        ("a reaction of a gradient", "E460", format!("{bar}{term}\nmeasure r = reaction(u + Grad(u)(1)) on west\n")),
         ("a reaction that turns", "E460", format!("{bar}{term}\nmeasure r = reaction(t*u) on west\n")),
     ];
     for (what, code, text) in cases {

@@ -64,10 +64,10 @@ impl Value {
         self.law.shape.len()
     }
 
-    /// True if positions are all it reads.
+    /// True if positions are all it reads, and nothing is filtered by a mapping: positions have no images.
     #[must_use]
     pub fn reads_positions_only(&self) -> bool {
-        self.law.inputs.iter().all(|s| matches!(s, InputSlot::X(_)))
+        self.law.mapping.is_none() && self.law.inputs.iter().all(|s| matches!(s, InputSlot::X(_)))
     }
 
     /// True if it reads the step variable or its increment.

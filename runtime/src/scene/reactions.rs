@@ -10,7 +10,11 @@ use std::{
     collections::{BTreeMap, BTreeSet},
 };
 
-use wfl::{Code, Diagnostic, ast::Expr, at_expr, each_name, split_prefixes};
+use wfl::{
+    Code, Diagnostic,
+    ast::{Expr, ExprKind},
+    at_expr, children, each_name, split_prefixes,
+};
 use wfl_compiler::{Constant, Env, InterpreterBackend, compile_value, types::FieldKind};
 
 use super::{Builder, Prescribed, mesh::position_place, rates::Integration};
@@ -147,6 +151,7 @@ impl Builder<'_> {
         let e = &measure.expr;
         self.has_reactions(e, held.integration)?;
         let field = self.carried(e)?;
+        self.takes_values(e, field)?;
         let start = held.numbering.starts[field]?;
         let prescribed = held.prescribed.dofs();
         let n = self.fields[field].n_components;
@@ -226,6 +231,20 @@ impl Builder<'_> {
         None
     }
 
+    /// Whether an expression has the unknown's values alone in it: a unit of it at a node has no derivative, so that what
+    /// derives it would count as zero.
+    fn takes_values(&mut self, e: &Expr, field: usize) -> Option<()> {
+        let name = &self.fields[field].name;
+        let Some((call, word)) = derivative(e, name) else {
+            return Some(());
+        };
+        let d =
+            Diagnostic::new(Code::E460, format!("a reaction is that of values of `{name}`, not of `{word}` of them"));
+        let d = d.help("the force that is carried: reaction(u(1)), or reaction(p) of a scalar; its rate: differences of it, behind the run");
+        self.diagnostics.push(at_expr(d, call, self.env.expansions, ""));
+        None
+    }
+
     /// By position and component what an expression makes of a unit of the component, which it is linear in.
     fn weights(&mut self, e: &Expr, field: usize, positions: &[[f64; 3]]) -> Option<Vec<f64>> {
         let n = self.fields[field].n_components;
@@ -293,4 +312,21 @@ impl Builder<'_> {
         }
         made
     }
+}
+
+/// The first call in an expression that derives a field, with its word.
+fn derivative<'e>(e: &'e Expr, field: &str) -> Option<(&'e Expr, &'e str)> {
+    let mut found = None;
+    if let ExprKind::Call(callee, _) = &e.kind
+        && let ExprKind::Name(word) = &callee.kind
+        && ["Grad", "Div", "Hess", "Diff", "Rate"].contains(&word.as_str())
+    {
+        each_name(e, &mut |inside| {
+            if split_prefixes(inside).1 == field {
+                found = Some((e, word.as_str()));
+            }
+        });
+    }
+    children(e, &mut |part| found = found.or_else(|| derivative(part, field)));
+    found
 }
