@@ -250,27 +250,36 @@ impl Csr {
     /// Whether `|a_ij - a_ji| <= tolerance * sqrt(m_i m_j)` for all entries, with `m_i` the largest magnitude in row i (an
     /// entry that is not stored is zero).
     pub fn is_symmetric(&self, tolerance: f64) -> bool {
-        if self.n_rows() != self.n_cols() {
-            return false;
-        }
-        // rounding of an entry that couples two unknowns is a part of what both are stiff: of unknowns in other units, such as
-        // a pressure beside a displacement, the largest entry of the matrix says nothing
-        let sizes: Vec<f64> = (0..self.n_rows()).map(|row| largest(self.row(row).1.iter().copied()).sqrt()).collect();
-        let is_one =
-            |row: usize, column: usize, difference: f64| difference.abs() <= tolerance * sizes[row] * sizes[column];
+        self.n_rows() == self.n_cols() && self.first_asymmetry(tolerance, &|_| true).is_none()
+    }
+
+    /// The first entry (row, column) of a square matrix, in row order, that differs from the one across the diagonal by more
+    /// than [`Self::is_symmetric`] allows, among rows and columns that count.
+    pub fn first_asymmetry(&self, tolerance: f64, counts: &dyn Fn(usize) -> bool) -> Option<(usize, usize)> {
+        let sizes = self.row_sizes();
         let (transposed, sources) = self.pattern.transpose();
         let mirrored = transposed == *self.pattern;
         let mut place = 0;
-        (0..self.n_rows()).all(|row| {
+        (0..self.n_rows()).find_map(|row| {
             let (columns, values) = self.row(row);
             let first = place;
             place += columns.len();
-            columns.iter().zip(values).enumerate().all(|(k, (&column, value))| {
+            let differs = |(k, (&column, value)): (usize, (&u32, &f64))| {
                 let column = column as usize;
                 let other = if mirrored { self.values[sources[first + k]] } else { self.get(column, row) };
-                is_one(row, column, value - other)
-            })
+                // also what is no number
+                let is_same = (value - other).abs() <= tolerance * sizes[row] * sizes[column];
+                (counts(column) && !is_same).then_some((row, column))
+            };
+            if counts(row) { columns.iter().zip(values).enumerate().find_map(differs) } else { None }
         })
+    }
+
+    /// By row the square root of its largest magnitude. Rounding of an entry that couples two unknowns is a part of what both
+    /// are stiff: of unknowns in other units, such as a pressure beside a displacement, the largest entry of the matrix says
+    /// nothing.
+    pub fn row_sizes(&self) -> Vec<f64> {
+        (0..self.n_rows()).map(|row| largest(self.row(row).1.iter().copied()).sqrt()).collect()
     }
 
     /// Largest magnitude of an entry; zero for a matrix without entries, not a number if an entry is none.

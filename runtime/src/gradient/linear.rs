@@ -78,18 +78,30 @@ impl Tangent {
     }
 
     /// How far what the laws make of the last solution, by free number, is from what the tangent makes of it, over the sizes
-    /// of the summands.
-    pub(super) fn apart(&self, of_laws: &[f64]) -> f64 {
+    /// of the summands: of the field where that is most. The equations of a field have its own unit.
+    pub(super) fn apart(&self, system: &System, of_laws: &[f64]) -> f64 {
         let Some((_, matrix)) = &self.solver else { return 0.0 };
-        let (mut most, mut apart) = (0.0f64, 0.0f64);
-        for (row, law) in of_laws.iter().enumerate() {
-            let (columns, values) = matrix.row(row);
-            let summands = || columns.iter().zip(values).map(|(k, a)| a * self.own[*k as usize]);
-            most = most.max(summands().map(f64::abs).sum());
-            apart = apart.max((summands().sum::<f64>() - law).abs());
-        }
-        // not a number is apart
-        if apart == 0.0 { 0.0 } else { apart / most }
+        let free_dofs = &system.numbering.free_dofs;
+        let of_field = |field: usize| {
+            let range = system.range(field)?;
+            // free dofs are numbered in their order
+            let first = free_dofs.partition_point(|d| (*d as usize) < range.start);
+            let last = free_dofs.partition_point(|d| (*d as usize) < range.end);
+            let (mut most, mut apart) = (0.0f64, 0.0f64);
+            for row in first..last {
+                let (columns, values) = matrix.row(row);
+                let summands = || columns.iter().zip(values).map(|(k, a)| a * self.own[*k as usize]);
+                most = most.max(summands().map(f64::abs).sum());
+                let difference = (summands().sum::<f64>() - of_laws[row]).abs();
+                // not a number is apart
+                apart = if difference.is_nan() { difference } else { apart.max(difference) };
+                if apart.is_nan() {
+                    break;
+                }
+            }
+            Some(if apart == 0.0 { 0.0 } else { apart / most })
+        };
+        (0..system.fields.len()).filter_map(of_field).fold(0.0, |m: f64, x| if x.is_nan() { x } else { m.max(x) })
     }
 
     fn factor(&mut self, system: &System, u: &[f64], threads: usize) -> Result<(), Box<Diagnostic>> {

@@ -137,7 +137,8 @@ impl<'a, 's> Standing<'a, 's> {
     pub(super) fn probes(&mut self, explicit: &Explicit) -> Result<Vec<Probe>, Box<Diagnostic>> {
         let step = &*self.steps.step(0)?;
         self.at(0)?;
-        explicit.lumped.probes(self.solving.system, &step.u, step.window.end).map_err(|e| not_made(&e.to_string()))
+        let first = self.solving.steps.first_window();
+        explicit.lumped.probes(self.solving.system, &step.u, first).map_err(|e| not_made(&e.to_string()))
     }
 
     /// The rate of a probe, and no other one.

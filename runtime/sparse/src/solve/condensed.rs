@@ -60,7 +60,7 @@ const SINGLE_ITERATIONS: usize = 40;
 const TRIAL_ITERATIONS: usize = 10;
 /// Iterations aim at this part of the tolerance, because their norm is not quite that of the backward-error check.
 const WITHIN: f64 = 0.3;
-/// Relative asymmetry up to which the changing part counts as symmetric.
+/// Relative asymmetry up to which the changing part counts as symmetric, as [`Csr::is_symmetric`] takes it.
 const ASYMMETRY: f64 = 1e-14;
 
 /// How the changing part is solved.
@@ -358,12 +358,15 @@ impl CheckedCondensed {
     }
 
     fn is_symmetric(&self) -> bool {
-        let values = self.changing.matrix.values();
-        let bound = ASYMMETRY * self.changing.matrix.max_abs();
-        let across = |mirror: &Vec<usize>| {
-            values.iter().zip(mirror).all(|(value, &place)| (value - values[place]).abs() <= bound)
-        };
-        self.mirror.as_ref().is_some_and(across)
+        let Some(mirror) = &self.mirror else { return false };
+        let matrix = &self.changing.matrix;
+        let (sizes, values, starts) = (matrix.row_sizes(), matrix.values(), matrix.pattern().row_starts());
+        (0..matrix.n_rows()).all(|row| {
+            let own = starts[row]..starts[row + 1];
+            own.zip(matrix.row(row).0).all(|(k, column)| {
+                (values[k] - values[mirror[k]]).abs() <= ASYMMETRY * sizes[row] * sizes[*column as usize]
+            })
+        })
     }
 
     /// Turns from fronts to the dense matrix, whose pivots come from all changing dofs; false when it is in use, or

@@ -26,21 +26,10 @@ const ASYMMETRY: f64 = 1e-10;
 
 /// Refuses a matrix whose halves differ by more than rounding.
 pub(super) fn check_symmetry(matrix: &Csr) -> Result<(), SolveError> {
-    if matrix.is_symmetric(ASYMMETRY) {
-        return Ok(());
+    match matrix.first_asymmetry(ASYMMETRY, &|_| true) {
+        None => Ok(()),
+        Some(at) => Err(not_symmetric(matrix, at)),
     }
-    let bound = ASYMMETRY * matrix.max_abs();
-    for row in 0..matrix.n_rows() {
-        let (columns, values) = matrix.row(row);
-        for (&column, &value) in columns.iter().zip(values) {
-            let column = column as usize;
-            let transposed = matrix.get(column, row);
-            if (value - transposed).abs() > bound {
-                return Err(SolveError::NotSymmetric { row, column, value, transposed });
-            }
-        }
-    }
-    Ok(())
 }
 
 /// The same of a matrix on several ranks: each looks at the entries between its own rows, all say the same.
@@ -48,17 +37,14 @@ pub(super) fn check_symmetry(matrix: &Csr) -> Result<(), SolveError> {
 /// # Errors
 /// [`SolveError::NotSymmetric`].
 pub(super) fn check_own_symmetry(matrix: &Csr, owners: &RowOwners) -> Result<(), SolveError> {
-    let bound = ASYMMETRY * owners.team.largest(matrix.max_abs());
-    let own = (0..matrix.n_rows()).filter(|row| owners.owns(*row));
-    let entries = own.flat_map(|row| {
-        let (columns, values) = matrix.row(row);
-        columns.iter().zip(values).map(move |(column, value)| (row, *column as usize, *value))
-    });
-    let mut between = entries.filter(|(_, column, _)| owners.owns(*column));
-    let bad = between.find(|(row, column, value)| (value - matrix.get(*column, *row)).abs() > bound);
+    let bad = matrix.first_asymmetry(ASYMMETRY, &|row| owners.owns(row));
     if owners.team.all(bad.is_none()) {
         return Ok(());
     }
-    let (row, column, value) = bad.unwrap_or_default();
-    Err(SolveError::NotSymmetric { row, column, value, transposed: matrix.get(column, row) })
+    Err(not_symmetric(matrix, bad.unwrap_or_default()))
+}
+
+fn not_symmetric(matrix: &Csr, at: (usize, usize)) -> SolveError {
+    let (row, column) = at;
+    SolveError::NotSymmetric { row, column, value: matrix.get(row, column), transposed: matrix.get(column, row) }
 }
