@@ -209,3 +209,20 @@ fn a_factor_of_zero_leaves_a_scene_without_inertia() {
     let refused = solve(&examples(), text, &[], &[]).err().expect("an error");
     assert!(refused.contains("E451"), "{refused}");
 }
+
+/// A block of mass 1 and velocity 1 that friction on the rate of its slip stops: half a unit of energy is dissipated, as each
+/// scheme differentiates the slip.
+#[test]
+fn friction_on_the_rate_of_slip_takes_the_kinetic_energy_under_every_scheme() {
+    for scheme in ["backward_euler", "bdf2", "bdf3", "newmark", "hht alpha=-0.3", "generalised_alpha rho_inf=0.2"] {
+        let found = run(format!(
+            "mesh box [0] to [1] cells [1] segment\nregion wall = faces where x == 0\nregion block = faces where x == 1\n\
+             unknown u : scalar\nterm soft on all : 1e-9*Grad_u.Grad_Test_u\nterm mass on block : Dot2_u*Test_u\n\
+             term rough on block : Ball_projection(1e3*Dot_u, 0.5)*Test_u\nfix u = 0 on wall\nstart Dot_u = x\n\
+             scheme {scheme}\nsteps t = 0 to 3 by 3/200\nmeasure way = value(u) at [1]\n"
+        ));
+        let taken: f64 = found.outcome.steps.iter().filter_map(|step| step.friction).map(|work| work.taken).sum();
+        let way = found.measure(200, "way");
+        assert!((way - 1.0).abs() < 0.02 && (taken - 0.5).abs() < 0.02, "{scheme}: {way} {taken}");
+    }
+}

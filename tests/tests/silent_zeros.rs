@@ -240,6 +240,12 @@ fn what_would_count_as_zero_is_refused() {
             format!("{bar}{term} + Dot_u*Test_u - Dot_k*Test_u\nscheme hht\n").replace(" := h + 3*timestep", " := h"),
         ),
         (
+            "the past beside a state within the step",
+            "E461",
+            format!("{bar}{term} + (u - Previous_u)/timestep*Test_u + Dot2_u*Test_u\nscheme hht\n")
+                .replace(" := h + 3*timestep", " := h"),
+        ),
+        (
             "nodes through a mapping",
             "E802",
             format!("{bar}{term}\nmeasure m = max(Interpolate(u, back)) at nodes of east\n"),

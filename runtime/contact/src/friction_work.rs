@@ -18,7 +18,7 @@ use std::collections::BTreeSet;
 use nalgebra::DVector;
 use wfl_compiler::{
     Projection, ProjectionKind,
-    types::{BasisSlot, FieldKind, InputSlot},
+    types::{BasisSlot, FieldKind, InputSlot, RateFactor, RateOrder, UniformSlot},
 };
 
 use super::{
@@ -139,6 +139,9 @@ struct Pass<'a> {
     points: Vec<Point>,
     /// `None` for a law that reads no past: it finds what it has left.
     rest: Option<Rest>,
+    /// Of a law on the rate of slip what a slip that follows from the slopes of the argument is multiplied with to be that of
+    /// the step.
+    way: Option<f64>,
 }
 
 impl<'a> Pass<'a> {
@@ -153,7 +156,57 @@ impl<'a> Pass<'a> {
         let data = term.as_written_near(system, values, AS_WRITTEN);
         let points = term.points_on(system, values, &data, term.law.uniforms());
         let rest = term.reads_past(system).then(|| term.rest(system, values, &data, next, ball));
-        Some(Self { term, system, values, ball, position, points, rest })
+        let mut pass = Self { term, system, values, ball, position, points, rest, way: None };
+        pass.way = pass.way_of_rates();
+        Some(pass)
+    }
+
+    /// Of a law whose argument has the rate of the slip, `c u` and what the scheme adds to it, and no slip: c times the
+    /// increment. A rate over its slope in `u` is no slip but under backward differences of one step.
+    fn way_of_rates(&self) -> Option<f64> {
+        let slots = &self.term.law.law.inputs;
+        let factor = self.term.law.law.prologue.slots.iter().find_map(|slot| match slot {
+            UniformSlot::Rate(factor @ (RateFactor::Rate | RateFactor::Velocity)) => Some(*factor),
+            _ => None,
+        })?;
+        let factor = self.term.window.rates.of(factor);
+        let rates: Vec<(usize, usize)> = (slots.iter().enumerate())
+            .filter_map(|(s, slot)| match slot {
+                InputSlot::History(RateOrder::First, b) if is_displacement(&self.system.fields, b) => {
+                    Some((s, self.term.present_of(b)?))
+                }
+                _ => None,
+            })
+            .collect();
+        // what moves a displacement and leaves its rate
+        let is_of_rates = !rates.is_empty()
+            && self.changes_nothing(|point, motions, inputs| {
+                motions.inputs.iter().for_each(|s| inputs[*s] = 0.0);
+                for (history, now) in &rates {
+                    inputs[*history] = point.inputs[*history] + factor * point.inputs[*now];
+                }
+            });
+        is_of_rates.then_some(factor * self.term.window.increment)
+    }
+
+    /// Whether the argument at all points stays if `edit` changes what is read there.
+    fn changes_nothing(&self, edit: impl Fn(&Point, &Motions, &mut Vec<f64>)) -> bool {
+        let (mut change, mut size) = (0.0, 0.0);
+        for point in &self.points {
+            let Some(motions) = self.motions(point) else { continue };
+            let mut edited = point.inputs.clone();
+            edit(point, &motions, &mut edited);
+            let [a, b] = [&edited, &point.inputs].map(|inputs| self.slip_of(inputs, self.term.law.uniforms()));
+            change += a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum::<f64>();
+            let summands = motions.slope.row_iter().flat_map(|row| {
+                let summand = |(slope, s): (&f64, &usize)| (slope * point.inputs[*s]).abs();
+                row.iter().zip(&motions.inputs).map(summand).collect::<Vec<f64>>()
+            });
+            size += summands.sum::<f64>();
+        }
+        let mut sums = [change, size];
+        self.system.team().sum(&mut sums);
+        sums[0] <= NOTHING * sums[1]
     }
 
     fn argument<'p>(&self, outputs: &'p [f64]) -> &'p [f64] {
@@ -174,7 +227,7 @@ impl<'a> Pass<'a> {
     /// nothing did.
     fn slips(&self, before: &[f64]) -> Vec<Vec<f64>> {
         let n = self.ball.n;
-        if self.takes_increments() {
+        if self.way.is_some() || self.takes_increments() {
             // a law without a traction of its own has no elastic part: it retains nothing
             let retains = self
                 .points
@@ -217,23 +270,11 @@ impl<'a> Pass<'a> {
         if past.is_empty() {
             return false;
         }
-        let (mut change, mut size) = (0.0, 0.0);
-        for point in &self.points {
-            let Some(motions) = self.motions(point) else { continue };
-            let (mut moved, mut still) = (point.inputs.clone(), point.inputs.clone());
-            motions.inputs.iter().for_each(|s| still[*s] = 0.0);
-            past.iter().for_each(|(before, now)| (moved[*before], still[*before]) = (point.inputs[*now], still[*now]));
-            let [a, b] = [moved, still].map(|inputs| self.slip_of(&inputs, term.law.uniforms()));
-            change += a.iter().zip(&b).map(|(a, b)| (a - b).abs()).sum::<f64>();
-            let summands = motions.slope.row_iter().flat_map(|row| {
-                let summand = |(slope, s): (&f64, &usize)| (slope * point.inputs[*s]).abs();
-                row.iter().zip(&motions.inputs).map(summand).collect::<Vec<f64>>()
-            });
-            size += summands.sum::<f64>();
-        }
-        let mut sums = [change, size];
-        self.system.team().sum(&mut sums);
-        sums[0] <= NOTHING * sums[1]
+        // past and present move by what the present is
+        self.changes_nothing(|point, motions, inputs| {
+            motions.inputs.iter().for_each(|s| inputs[*s] = 0.0);
+            past.iter().for_each(|(before, now)| inputs[*before] = point.inputs[*before] - point.inputs[*now]);
+        })
     }
 
     fn motions(&self, point: &Point) -> Option<Motions> {
@@ -261,7 +302,7 @@ impl<'a> Pass<'a> {
                 return;
             }
             let Some(motions) = self.motions(point) else { return };
-            let along = &motions.inverse * DVector::from_column_slice(slid);
+            let along = self.way.unwrap_or(1.0) * &motions.inverse * DVector::from_column_slice(slid);
             let beside = |test: usize| open.get(at - 1).map_or(0.0, |open: &Vec<f64>| open[test]);
             let force = motions.inputs.iter().map(|s| test_of(s).map_or(0.0, |test| flux[test] - beside(test)));
             let (mut power, mut forces) = (0.0, 0.0f64);

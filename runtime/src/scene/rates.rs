@@ -217,26 +217,7 @@ impl Builder<'_> {
             return;
         }
         if let (Scheme::Alpha(_), Some(statement)) = (scheme, &self.script.scheme) {
-            let is_data = |name: &str| {
-                self.script.fields.iter().any(|f| f.name.name == name && matches!(f.kind, Declared::Data { .. }))
-            };
-            let mut found = None;
-            for text in texts(self.script) {
-                wfl::each_word(text, &mut |e, word| {
-                    let (prefixes, root) = split_prefixes(word);
-                    if prefixes.contains("Dot_") && is_data(root) {
-                        found = found.or(Some(e));
-                    }
-                });
-            }
-            if let Some(e) = found {
-                let d = Diagnostic::new(Code::E461, "rates of data are not those of this scheme");
-                let d =
-                    at_expr(d, e, self.env.expansions, "").at(statement.span, "its equations stand within the step");
-                self.diagnostics.push(
-                    d.help("scheme newmark or bdf2; or an unknown with an equation of its own: (k - formula)*Test_k"),
-                );
-            }
+            self.past_within_a_step(statement);
         }
         let mut found = None;
         for text in texts(self.script) {
@@ -259,6 +240,39 @@ impl Builder<'_> {
                     .note("without `scheme`, steps `by auto` are backward differences of several steps"),
             });
         }
+    }
+
+    /// E461 for what mixes the two places of a step that the alpha methods have: their equations stand within the step, the
+    /// past is the end of the last one, and a difference of the two is that of a part of a step.
+    fn past_within_a_step(&mut self, statement: &wfl::Scheme) {
+        let kind = |name: &str| self.script.fields.iter().find(|f| f.name.name == name).map(|f| &f.kind);
+        let is_data = |name: &str| matches!(kind(name), Some(Declared::Data { .. }));
+        let is_state = |name: &str| matches!(kind(name), Some(Declared::State { .. }));
+        let mut found = None;
+        for text in texts(self.script).chain(self.script.loads.iter().map(|load| &load.value)) {
+            wfl::each_word(text, &mut |e, word| {
+                let (prefixes, root) = split_prefixes(word);
+                let is_past = prefixes.contains("Previous_") && !is_state(root);
+                if is_past || (prefixes.contains("Dot_") && is_data(root)) {
+                    found = found.or(Some((e, is_past)));
+                }
+            });
+        }
+        let Some((e, is_past)) = found else { return };
+        let (what, help) = if is_past {
+            (
+                "the end of the last step is no whole step before the equations of this scheme",
+                "a rate is Dot_u; friction by displacements: scheme newmark, bdf2 or backward_euler",
+            )
+        } else {
+            (
+                "rates of data are not those of this scheme",
+                "scheme newmark or bdf2; or an unknown with an equation of its own: (k - formula)*Test_k",
+            )
+        };
+        let d = Diagnostic::new(Code::E461, what);
+        let d = at_expr(d, e, self.env.expansions, "").at(statement.span, "its equations stand within the step");
+        self.diagnostics.push(d.help(help));
     }
 
     /// The region of `massless=`; a scene without second rates has no mass to give away.
