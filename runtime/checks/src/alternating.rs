@@ -24,6 +24,9 @@ const LEVEL: f64 = 1e-3;
 /// The square of the size of a cell, in units of diffusivity and increment, from which a step is too short: the bound of Vermeer
 /// and Verruijt (1981), see above.
 const BOUND: f64 = 6.0;
+/// Part of what a pressure stands beside, its own values or the stress of its body, below which its differences are rounding: a
+/// solution keeps ten digits at least.
+const ROUNDING: f64 = 1e-9;
 
 /// A pressure and the displacement that it acts on, by number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,7 +117,7 @@ fn judged(system: &System, u: &[f64], pair: &mut PorePressure) -> Option<Alterna
         system.terms.iter().filter(|t| t.on_cells() && t.law.tests.iter().any(|s| s.field.index() == pair.pressure));
     let cells: Vec<CellId> = cells.flat_map(|t| sampled_cells(system, t)).collect();
     // most steps are long enough, and nothing more is looked at
-    if cells.into_iter().all(|c| ratio(system, *pair, c).is_none_or(|r| r <= BOUND)) {
+    if cells.into_iter().all(|c| Coefficients::of(system, *pair, c).ratio(system, c).is_none_or(|r| r <= BOUND)) {
         pair.long_enough = Some(increment);
         return None;
     }
@@ -123,7 +126,11 @@ fn judged(system: &System, u: &[f64], pair: &mut PorePressure) -> Option<Alterna
         let nodes = space.position_of_cell(*c).map(|p| space.entity_nodes(p));
         nodes.is_some_and(|nodes| nodes.contains(&node))
     })?;
-    let ratio = ratio(system, *pair, cell)?;
+    let at = Coefficients::of(system, *pair, cell);
+    if at.is_rounding(system, u, *pair) {
+        return None;
+    }
+    let ratio = at.ratio(system, cell)?;
     let body = &system.fields[pair.displacement];
     let too_short = ratio / BOUND;
     (too_short > 1.0).then(|| Alternating {
@@ -142,7 +149,7 @@ fn alternation(space: &Space, system: &System, values: &[f64]) -> Option<(f64, u
     let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let range = high - low;
     // a pressure of one value, and rounding of it
-    if range.is_nan() || range <= 1e-9 * high.abs().max(low.abs()) {
+    if range.is_nan() || range <= ROUNDING * high.abs().max(low.abs()) {
         return None;
     }
     let cells: Vec<usize> = system.mesh.cells().filter_map(|c| space.position_of_cell(c)).collect();
@@ -183,46 +190,82 @@ fn alternation(space: &Space, system: &System, values: &[f64]) -> Option<(f64, u
     best
 }
 
-/// h^2 (s - a b/M)/k at a cell; infinite where k vanishes and the rest does not.
-fn ratio(system: &System, pair: PorePressure, cell: CellId) -> Option<f64> {
-    let zero = vec![0.0; system.numbering.n_dofs];
-    let values = system.values(&zero);
-    let dim = system.mesh.dim();
-    let (mut storage, mut mobility, mut onto_body, mut of_body, mut stiffness) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for term in system.terms.iter().filter(|t| t.on_cells()) {
-        let Some(at) = term.point_tangent(&system.mesh, values.view(), cell) else { continue };
-        for (test, trial, value) in at.entries {
-            let (of_p, of_u) = (|f: usize| f == pair.pressure, |f: usize| f == pair.displacement);
-            let (t, s) = (test.field.index(), trial.field.index());
-            match (test.op, trial.op) {
-                (FieldOp::Value, FieldOp::Value) if of_p(t) && of_p(s) => storage += value,
-                (FieldOp::Grad, FieldOp::Grad) if of_p(t) && of_p(s) && test.entry == 0 && trial.entry == 0 => {
-                    mobility += value;
+/// What stands in the equations of a step at a cell, by the first entries.
+#[derive(Clone, Copy, Debug, Default)]
+struct Coefficients {
+    storage: f64,
+    mobility: f64,
+    /// Of the pressure in the equations of the body.
+    onto_body: f64,
+    /// Of the strain in the equations of the pressure.
+    of_body: f64,
+    stiffness: f64,
+}
+
+impl Coefficients {
+    fn of(system: &System, pair: PorePressure, cell: CellId) -> Self {
+        let zero = vec![0.0; system.numbering.n_dofs];
+        let values = system.values(&zero);
+        let mut this = Self::default();
+        for term in system.terms.iter().filter(|t| t.on_cells()) {
+            let Some(at) = term.point_tangent(&system.mesh, values.view(), cell) else { continue };
+            for (test, trial, value) in at.entries {
+                let (of_p, of_u) = (|f: usize| f == pair.pressure, |f: usize| f == pair.displacement);
+                let (t, s) = (test.field.index(), trial.field.index());
+                match (test.op, trial.op) {
+                    (FieldOp::Value, FieldOp::Value) if of_p(t) && of_p(s) => this.storage += value,
+                    (FieldOp::Grad, FieldOp::Grad) if of_p(t) && of_p(s) && test.entry == 0 && trial.entry == 0 => {
+                        this.mobility += value;
+                    }
+                    (FieldOp::Grad, FieldOp::Value) if of_u(t) && of_p(s) && test.entry == 0 => this.onto_body += value,
+                    (FieldOp::Value, FieldOp::Grad) if of_p(t) && of_u(s) && trial.entry == 0 => this.of_body += value,
+                    (FieldOp::Grad, FieldOp::Grad) if of_u(t) && of_u(s) && test.entry == 0 && trial.entry == 0 => {
+                        this.stiffness += value;
+                    }
+                    _ => {}
                 }
-                (FieldOp::Grad, FieldOp::Value) if of_u(t) && of_p(s) && test.entry == 0 => onto_body += value,
-                (FieldOp::Value, FieldOp::Grad) if of_p(t) && of_u(s) && trial.entry == 0 => of_body += value,
-                (FieldOp::Grad, FieldOp::Grad) if of_u(t) && of_u(s) && test.entry == 0 && trial.entry == 0 => {
-                    stiffness += value;
-                }
-                _ => {}
             }
         }
+        this
     }
-    if stiffness == 0.0 {
-        return None;
-    }
-    let nodes = system.mesh.cell_vertices(cell);
-    let mut h = f64::INFINITY;
-    for a in nodes {
-        for b in nodes.iter().filter(|b| *b != a) {
-            let (x, y) = (system.mesh.node(*a), system.mesh.node(*b));
-            h = h.min((0..dim).map(|d| (x[d] - y[d]).powi(2)).sum::<f64>().sqrt());
+
+    /// h^2 (s - a b/M)/k; infinite where k vanishes and the rest does not.
+    fn ratio(&self, system: &System, cell: CellId) -> Option<f64> {
+        if self.stiffness == 0.0 {
+            return None;
         }
+        let dim = system.mesh.dim();
+        let nodes = system.mesh.cell_vertices(cell);
+        let mut h = f64::INFINITY;
+        for a in nodes {
+            for b in nodes.iter().filter(|b| *b != a) {
+                let (x, y) = (system.mesh.node(*a), system.mesh.node(*b));
+                h = h.min((0..dim).map(|d| (x[d] - y[d]).powi(2)).sum::<f64>().sqrt());
+            }
+        }
+        let held = self.storage - self.onto_body * self.of_body / self.stiffness;
+        let ratio = h * h * held / self.mobility;
+        // with a mobility of none the sign of zero says nothing
+        Some(if self.mobility == 0.0 { f64::INFINITY } else { ratio }).filter(|r| held != 0.0 && !r.is_nan())
     }
-    let held = storage - onto_body * of_body / stiffness;
-    let ratio = h * h * held / mobility;
-    // with a mobility of none the sign of zero says nothing
-    Some(if mobility == 0.0 { f64::INFINITY } else { ratio }).filter(|r| held != 0.0 && !r.is_nan())
+
+    /// True for a pressure that is rounding beside the stress of its body: its stiffness times what its displacements differ
+    /// by over the extent of the mesh.
+    fn is_rounding(&self, system: &System, u: &[f64], pair: PorePressure) -> bool {
+        let spread = |field: usize| {
+            let (values, n) = (&u[system.range(field).unwrap_or_default()], system.fields[field].n_components);
+            let of = |c: usize| {
+                let own = values.iter().skip(c).step_by(n);
+                let (low, high) = own.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+                high - low
+            };
+            (0..n).map(of).fold(0.0, f64::max)
+        };
+        let (low, high) = system.mesh.bounds();
+        let extent = (0..system.mesh.dim()).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
+        let stress = self.stiffness * spread(pair.displacement) / extent;
+        self.onto_body.abs() * spread(pair.pressure) <= ROUNDING * stress.abs()
+    }
 }
 
 impl PorePressure {

@@ -7,7 +7,7 @@
 //! too large by at most the root of the dimension otherwise, because the slope is that of one component. A second look
 //! (`careful.rs`) sees laws that this is not true of.
 
-use std::collections::BTreeMap;
+use std::{cell::OnceCell, collections::BTreeMap};
 
 use wfl_compiler::{
     Projection, ProjectionKind, interpret_lanes,
@@ -151,6 +151,8 @@ struct Point<'a> {
     turns: bool,
     /// What a mesh may leave of a traction along the face (in the unit of the argument).
     left: f64,
+    /// A pressure whose force pulls.
+    pulls: bool,
 }
 
 impl Violations {
@@ -186,13 +188,13 @@ impl Violations {
         }
     }
 
-    fn add_normal(&mut self, at: &Point<'_>, pulls: impl FnOnce() -> bool) {
+    fn add_normal(&mut self, at: &Point<'_>) {
         if !at.turns {
             self.penetration = at.gap.iter().fold(self.penetration, |m, g| m.max(g / at.slope));
         }
         // one number that is positive is a pressure
         if matches!(at.x, [x] if *x > 0.0) {
-            self.pulled.add(at.weight, pulls());
+            self.pulled.add(at.weight, at.pulls);
         }
     }
 
@@ -303,6 +305,13 @@ impl ContactTerm {
         let mut faces = FaceCount::new(self.counted_faces());
         let (mut point, mut pressures) = (0, Vec::new());
         let mut lengths = vec![[0.0; 2]; fluxes.len()];
+        // laws with tractions of the bodies or multipliers are ones of contact
+        let may_pull = careful.is_some() && !self.has_traction(&system.fields);
+        let resists = OnceCell::new();
+        let is_meant_to_pull = |point: usize| {
+            let by_point = || self.resists_closing(system, values, fluxes.len(), moved);
+            may_pull && resists.get_or_init(by_point)[point]
+        };
         self.arguments(system, values, |full, gap, slopes| {
             let Some((flux, weight)) = fluxes.get(point) else { return };
             point += 1;
@@ -318,14 +327,17 @@ impl ContactTerm {
                 let gap = gap_of(careful, point - 1, gap, p);
                 let x = &full[p.output..][..p.n];
                 let left = if careful.is_some() { BETWEEN * pressure } else { 0.0 };
-                let at = Point { x, gap: &gap, slope: *slope, weight: weight.abs(), turns, left };
+                let pulls = p.kind == ProjectionKind::HalfLine && matches!(x, [x] if *x > 0.0) && works_along(&[1.0]);
+                let at = Point { x, gap: &gap, slope: *slope, weight: weight.abs(), turns, left, pulls };
                 match p.kind {
                     // a part of a friction bound is no gap, and what grows as the sides part is no contact
                     ProjectionKind::HalfLine if !p.acts || careful.is_some_and(|careful| !careful.closes[k]) => {}
+                    // an attraction, or what weakens one, is no gap
+                    ProjectionKind::HalfLine if pulls && is_meant_to_pull(point - 1) => {}
                     ProjectionKind::HalfLine => {
                         pressure = pressure.max(if p.n == 1 { at.x[0] } else { 0.0 });
                         presses |= p.n == 1 && at.x[0] > STILL * moved * slope;
-                        found.add_normal(&at, || works_along(&[1.0]));
+                        found.add_normal(&at);
                     }
                     ProjectionKind::Ball => {
                         found.add_tangential(&at, full[p.output + p.n], works_along);
@@ -339,12 +351,24 @@ impl ContactTerm {
         let doubtful: Vec<bool> = lengths.iter().map(is_doubtful).collect();
         let scales = [moved, careful.map_or(0.0, |careful| careful.initial)];
         found.add_lengths(&lengths, &self.elastic_joint(system, values, &doubtful, scales));
-        let faces = faces.pressed.of_all(system.team());
+        let turns = careful.is_some_and(|careful| careful.turns.contains(&true));
+        ContactGaps { turns: system.team().any(turns), ..self.of_all_ranks(system, found, faces.pressed, &pressures) }
+    }
+
+    /// What was found at the points of all ranks, but for normals that turn.
+    fn of_all_ranks(
+        &self,
+        system: &System,
+        mut found: Violations,
+        faces: PressedFaces,
+        pressures: &[(f64, f64)],
+    ) -> ContactGaps {
+        let faces = faces.of_all(system.team());
         found.of_all(system.team());
         ContactGaps {
-            alternates: if faces.some > 0 { self.alternation(system, &pressures) } else { None },
+            alternates: if faces.some > 0 { self.alternation(system, pressures) } else { None },
             pressed: faces,
-            turns: !system.team().all(careful.is_none_or(|careful| !careful.turns.contains(&true))),
+            turns: false,
             penetration: found.penetration,
             drift: found.drift,
             strained: found.strained,

@@ -8,7 +8,8 @@
 //! Promises: asks the forces of all terms on the same faces, at single points, what they do where nothing has moved but the
 //! sides, along their normal, by lengths of many sizes, up to that of the largest displacement: a joint may break. A
 //! constant force is none that grows, and what an initial stress of the bodies gives up is no tension. A joint that does not
-//! resist tension is not told from a penalty.
+//! resist tension is not told from a penalty. An adhesion pulls the less the further it opens; that it resists being closed
+//! tells it from a contact whose sign is wrong.
 
 use std::sync::Arc;
 
@@ -55,6 +56,29 @@ impl ContactTerm {
             }
         }
         holds
+    }
+
+    /// By point: whether the law resists being closed with a force that grows, by lengths up to the largest displacement `moved`:
+    /// its sign is right there, and where it pulls it is meant to.
+    pub(super) fn resists_closing(
+        &self,
+        system: &System,
+        values: FieldValues<'_>,
+        n_points: usize,
+        moved: f64,
+    ) -> Vec<bool> {
+        let (asked, normals) = (vec![true; n_points], self.normals(system));
+        let pulls = |closing: f64| self.pulls(system, values, &asked, &normals, -closing);
+        let open = pulls(0.0);
+        let mut resists = vec![false; n_points];
+        for part in OPENINGS {
+            let (once, twice) = (pulls(part * moved), pulls(2.0 * part * moved));
+            for (k, resists) in resists.iter_mut().enumerate() {
+                let grown = open[k] - once[k];
+                *resists |= grown > 0.0 && once[k] - twice[k] >= GROWS * grown;
+            }
+        }
+        resists
     }
 
     /// The tension at the points that are `asked` where the sides are apart by `opening` and nothing else has moved.

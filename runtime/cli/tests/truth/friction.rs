@@ -318,3 +318,33 @@ fn the_guess_of_a_first_step_is_no_past_of_friction() {
     });
     assert!(works[0] > 0.0 && works.iter().all(|w| (w / works[0] - 1.0).abs() < 1e-6), "{works:?}");
 }
+
+/// However a pressure is kept from being negative, as the radius of a projection it is not.
+#[test]
+fn a_pressure_is_not_negative_in_any_words() {
+    for (pressure, may_be) in [
+        ("40*pos_part(gap)", false),
+        ("max(0, 40*gap)", false),
+        ("max(gap, 0)*40", false),
+        ("(if gap > 0 then 40*gap else 0)", false),
+        ("(if gap < 0 then 0 else 40*gap)", false),
+        ("-min(0, -40*gap)", false),
+        ("(if gap > 1e-3 then 40*(gap - 1e-3) else 0)", false),
+        ("40*gap", true),
+        ("min(0, 40*gap)", true),
+        ("(if gap > 0 then -40*gap else 0)", true),
+        ("max(-1, 40*gap)", true),
+    ] {
+        let ran = run(
+            "alarms-radius",
+            &format!(
+                "wfl 1\nmesh box [0,0] to [1,1] cells [4,4] quad\nregion floor = faces where y == 0\n\
+                 region top = faces where y == 1\nunknown u : vector\nterm body on all : 1000*Sym(Grad_u):Grad_Test_u\n\
+                 def gap = -u(2)\nterm rough on floor : Ball_projection(30*u(1), 0.4*{pressure})*Test_u(1)\n\
+                 term hard on floor : -40*pos_part(gap)*Test_u(2)\nfix u = [0.01,-0.01] on top\n"
+            ),
+            &[],
+        );
+        assert_eq!(ran.tells("W502"), may_be, "{pressure}: {}", ran.text);
+    }
+}

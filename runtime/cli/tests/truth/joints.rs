@@ -235,3 +235,36 @@ fn a_penalty_as_soft_as_the_bodies_is_none_of_a_joint() {
     let ran = run("joint-penalty", &text, &[]);
     assert!(ran.tells("W606") && ran.text.contains("overlap"), "{}", ran.text);
 }
+
+/// Two blocks under `law`, the traction along the normal of the joint that presses where it is positive, pulled apart.
+fn joined(law: &str) -> String {
+    format!(
+        "wfl 1\nmesh box [0,0] to [1,2] cells [1,2] quad\nregion under = cells where y < 1\nregion over = cells where y > 1\n\
+         region joint = interface from under to over\nregion floor = faces where y == 0\nregion lid = faces where y == 2\n\
+         unknown u : vector\nsplit u across joint\ndef closed = (u - Interpolate(u, neighbor_element)).Normal\n\
+         def open = pos_part(-closed)\n{law}\n\
+         term bulk on all : 1e3*Sym(Grad_u):Grad_Test_u\n\
+         term joint on joint : press*(Normal.(Test_u - Interpolate(Test_u, neighbor_element)))\n\
+         fix u = [0,0] on floor\nfix u(2) = 0.006*t on lid\nfix u(1) = 0 on lid, joint\nsteps t = 0 to 1 by 0.25\n\
+         measure pull = reaction(u(2)) on lid\nmeasure width = max(open) on joint\n"
+    )
+}
+
+/// A law that is meant to pull resists being closed; one whose sign is wrong does not.
+#[test]
+fn adhesion_and_damage_are_no_contact_that_pulls() {
+    for law in [
+        "def press = 1e5*pos_part(closed) - 2*pos_part(1 - open/1e-2)",
+        "def worst = max(Previous_far, open)\nstate far : scalar on joint := worst\n\
+         def press = 1e5*pos_part(closed) - 700*pos_part(1 - worst/2e-2)*open",
+    ] {
+        let ran = run("alarms-joined", &joined(law), &[]);
+        assert!(ran.code == 0 && !ran.tells("W606"), "{law}: {}", ran.text);
+    }
+    for law in
+        ["def press = -1e5*pos_part(closed) - 2*pos_part(1 - open/1e-2)", "def press = -1e3*pos_part(closed + 1e-2)"]
+    {
+        let ran = run("alarms-joined-wrong", &joined(law), &[]);
+        assert!(ran.tells("W606") || ran.code != 0, "{law}: {}", ran.text);
+    }
+}

@@ -344,6 +344,19 @@ fn a_pressure_that_alternates_is_told_with_the_least_step() {
     }
 }
 
+/// A body that is sheared and keeps its volume has no pressure; what rounding leaves of one alternates as it likes.
+#[test]
+fn a_pressure_that_is_rounding_is_not_told() {
+    let text = "wfl 1\nmesh box [0,0] to [1,1] cells [6,6] quad map [x + 0.03*sin(3*y), y + 0.02*sin(4*x)]\n\
+        region top = faces where y - 0.02*sin(4*x) > 0.99\nunknown u : vector Q2\nunknown p : scalar Q1\n\
+        term body on all : Sym(Grad_u):Grad_Test_u - p*Div_Test_u\n\
+        term fluid on all : Div_Dot_u*Test_p + 1e-9*Grad_p.Grad_Test_p\n\
+        fix u = [0.3*y - 0.1*x, 0.2*x + 0.1*y] on boundary\nfix p = 0 on top\nsteps t = 0 to 1e-3 by 5e-4\n\
+        measure most = max(abs(p)) at nodes of all\n";
+    let found = run("mechanics-sheared", text, &[]);
+    assert!(!found.tells("W649") && found.measure(1, "most") < 1e-13, "{}", found.text);
+}
+
 #[test]
 fn right_scenes_with_what_is_looked_at_are_silent() {
     // a beam of units that bends on elements of degree 2

@@ -1,7 +1,7 @@
 use super::*;
 
 fn point<'a>(x: &'a [f64], gap: &'a [f64]) -> Point<'a> {
-    Point { x, gap, slope: 10.0, weight: 2.0, turns: false, left: 0.0 }
+    Point { x, gap, slope: 10.0, weight: 2.0, turns: false, left: 0.0, pulls: false }
 }
 
 #[test]
@@ -21,8 +21,8 @@ fn faces_are_too_large_for_a_zone_of_contact_that_covers_none() {
 #[test]
 fn an_overlap_is_the_argument_over_its_slope_and_a_gap_is_none() {
     let mut found = Violations::default();
-    found.add_normal(&point(&[3.0], &[0.5]), || false);
-    found.add_normal(&point(&[-3.0], &[-70.0]), || unreachable!("nothing presses"));
+    found.add_normal(&point(&[3.0], &[0.5]));
+    found.add_normal(&Point { pulls: true, ..point(&[-3.0], &[-70.0]) });
     assert_eq!(found.penetration, 0.05);
     assert_eq!(found.pulled.value(), Some(0.0));
 }
@@ -30,15 +30,15 @@ fn an_overlap_is_the_argument_over_its_slope_and_a_gap_is_none() {
 #[test]
 fn the_area_that_pulls_is_a_part_of_the_area_that_presses() {
     let mut found = Violations::default();
-    found.add_normal(&point(&[1.0], &[0.0]), || true);
-    found.add_normal(&Point { weight: 6.0, ..point(&[1.0], &[0.0]) }, || false);
+    found.add_normal(&Point { pulls: true, ..point(&[1.0], &[0.0]) });
+    found.add_normal(&Point { weight: 6.0, ..point(&[1.0], &[0.0]) });
     assert_eq!(found.pulled.value(), Some(0.25));
 }
 
 #[test]
 fn a_normal_that_turns_has_no_overlap() {
     let mut found = Violations::default();
-    found.add_normal(&Point { turns: true, ..point(&[3.0], &[0.5]) }, || false);
+    found.add_normal(&Point { turns: true, ..point(&[3.0], &[0.5]) });
     assert_eq!(found.penetration, 0.0);
 }
 
