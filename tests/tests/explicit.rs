@@ -68,6 +68,25 @@ fn damping_beside_the_diagonal_shortens_the_limit_as_the_closed_form_says() {
     assert!((limit / exact - 1.0).abs() < 2e-4, "{limit} {exact}");
 }
 
+/// A drag that is written as a difference over the increment: the mass is found with the increment of the first step.
+#[test]
+fn a_term_may_divide_by_the_increment() {
+    let (h, c) = (0.05, 0.8);
+    let rest = format!(
+        "term drag on all : {c}*(u - Previous_u)/timestep*Test_u\nfix u = 0 on left\nstart u = x\nscheme explicit\n\
+         steps t = 0 to 1 by {h}\nmeasure end = value(u) at [1]\n"
+    );
+    let found = run(bar(1, &rest));
+    // one node with half the mass of the bar, and a third of it under the drag
+    let (mass, stiffness, drag) = (0.5, 1.0, c / 3.0);
+    let (mut before, mut now) = (1.0, 1.0 - 0.5 * h * h * stiffness / mass);
+    for step in 1..=20 {
+        assert!((found.measure(step, "end") - now).abs() < 1e-12, "{step}: {} {now}", found.measure(step, "end"));
+        let force = -stiffness * now - drag * (now - before) / h;
+        (before, now) = (now, 2.0 * now - before + h * h * force / mass);
+    }
+}
+
 #[test]
 fn a_vibrating_bar_shows_the_second_order_and_the_frequency_of_the_lumped_mass() {
     let w = lumped_frequency(0.5 * PI, 4);

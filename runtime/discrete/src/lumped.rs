@@ -101,13 +101,13 @@ pub(crate) fn has_a_mass_of_its_own(term: &AssembledTerm) -> bool {
 }
 
 impl Lumped {
-    /// The diagonal of a system at the state `u` and a value of the step variable. The rates of the system are left zero.
+    /// The diagonal of a system at the state `u` and a step, whose increment terms may read. The rates of the system are left zero.
     ///
     /// # Errors
     /// [`Unlumped`] says what has no mass.
-    pub fn of(system: &mut System, u: &[f64], time: f64) -> Result<Self, Unlumped> {
+    pub fn of(system: &mut System, u: &[f64], window: Window) -> Result<Self, Unlumped> {
         refuse_without_inertia(system)?;
-        let mass = mass(system, u, time)?;
+        let mass = mass(system, u, window)?;
         for (k, field) in system.fields.iter().enumerate() {
             let Some(range) = system.range(k) else { continue };
             let rounding = ROUNDED * largest(mass[range.clone()].iter().copied());
@@ -118,7 +118,7 @@ impl Lumped {
                 return Err(Unlumped::Mass { field: field.name.clone(), value: mass[d], position });
             }
         }
-        let damping = damping(system, u, time)?;
+        let damping = damping(system, u, window)?;
         Ok(Self { mass, damping })
     }
 
@@ -133,16 +133,16 @@ impl Lumped {
     ///
     /// # Errors
     /// [`SystemError`] where the system cannot be evaluated at `u`.
-    pub fn longest_step(&self, system: &mut System, u: &[f64], time: f64) -> Result<StepLimit, SystemError> {
+    pub fn longest_step(&self, system: &mut System, u: &[f64], window: Window) -> Result<StepLimit, SystemError> {
         let mut evaluations = 0;
-        let stiffness = Operator::of(system, u, time, false)?;
+        let stiffness = Operator::of(system, u, window, false)?;
         let squared = self.largest_eigenvalue(system, &stiffness, &mut evaluations)?;
-        let damping = Operator::of(system, u, time, true)?;
+        let damping = Operator::of(system, u, window, true)?;
         let lagged = match damping.is_nothing(system) {
             true => 0.0,
             false => self.largest_eigenvalue(system, &damping, &mut evaluations)?.max(0.0),
         };
-        rest(system, time);
+        rest(system, window);
         let step = if squared > 0.0 {
             let ratio = 0.5 * lagged / squared.sqrt();
             2.0 / squared.sqrt() * ((ratio * ratio + 1.0).sqrt() - ratio)
@@ -230,7 +230,7 @@ fn refuse_without_inertia(system: &System) -> Result<(), Unlumped> {
 }
 
 /// Sets rates that are the same in one component of one field and zero elsewhere.
-fn set_rate(system: &mut System, order: RateOrder, field: usize, component: Option<usize>, time: f64) {
+fn set_rate(system: &mut System, order: RateOrder, field: usize, component: Option<usize>, window: Window) {
     let zero = vec![0.0; system.numbering.n_dofs];
     let mut one = zero.clone();
     let stride = system.fields[field].n_components;
@@ -243,16 +243,16 @@ fn set_rate(system: &mut System, order: RateOrder, field: usize, component: Opti
             RateOrder::Second => rates.take(&zero, &one),
         }
     }
-    system.set_laws(Window::instant(time));
+    system.set_laws(window);
 }
 
 /// No rates.
-fn rest(system: &mut System, time: f64) {
+fn rest(system: &mut System, window: Window) {
     let zero = vec![0.0; system.numbering.n_dofs];
     if let Some(rates) = system.rates_mut() {
         rates.take(&zero, &zero);
     }
-    system.set_laws(Window::instant(time));
+    system.set_laws(window);
 }
 
 /// The residual of some terms, by dof in the axes of the scene: the rows of this rank.
@@ -275,7 +275,7 @@ fn rated(system: &System) -> Vec<(usize, usize)> {
 fn row_sums(
     system: &mut System,
     u: &[f64],
-    time: f64,
+    window: Window,
     order: RateOrder,
     mut f: impl FnMut(&System, usize, usize, &[f64]),
 ) -> Result<(), SystemError> {
@@ -283,17 +283,17 @@ fn row_sums(
     if !system.terms.iter().any(wanted) {
         return Ok(());
     }
-    rest(system, time);
+    rest(system, window);
     let without = sum(system, u, &wanted)?;
     for (field, n) in rated(system) {
         for component in 0..n {
-            set_rate(system, order, field, Some(component), time);
+            set_rate(system, order, field, Some(component), window);
             let mut with = sum(system, u, &wanted)?;
             with.iter_mut().zip(&without).for_each(|(a, b)| *a -= b);
             f(system, field, component, &with);
         }
     }
-    rest(system, time);
+    rest(system, window);
     Ok(())
 }
 
@@ -316,12 +316,12 @@ impl Lumped {
     ///
     /// # Errors
     /// [`SystemError`] where the system cannot be evaluated at `u`.
-    pub fn probes(&self, system: &mut System, u: &[f64], time: f64) -> Result<Vec<Probe>, SystemError> {
+    pub fn probes(&self, system: &mut System, u: &[f64], window: Window) -> Result<Vec<Probe>, SystemError> {
         let mut made = Vec::new();
         for order in [RateOrder::Second, RateOrder::First] {
             let wanted = |t: &AssembledTerm| reads(t, order) && t.law.class <= Class::Linear;
             let terms: Vec<usize> = (0..system.terms.len()).filter(|k| wanted(&system.terms[*k])).collect();
-            row_sums(system, u, time, order, |system, field, component, sums| {
+            row_sums(system, u, window, order, |system, field, component, sums| {
                 let (stride, n) = (system.fields[field].n_components, sums.len());
                 let range = system.range(field).expect("a field with rates is solved for");
                 let own: Vec<bool> =
@@ -345,9 +345,9 @@ impl Lumped {
     }
 }
 
-fn mass(system: &mut System, u: &[f64], time: f64) -> Result<Vec<f64>, SystemError> {
+fn mass(system: &mut System, u: &[f64], window: Window) -> Result<Vec<f64>, SystemError> {
     let mut all = vec![0.0; system.numbering.n_dofs];
-    row_sums(system, u, time, RateOrder::Second, |system, field, component, sums| {
+    row_sums(system, u, window, RateOrder::Second, |system, field, component, sums| {
         let stride = system.fields[field].n_components;
         let range = system.range(field).expect("a field with rates is solved for");
         range.skip(component).step_by(stride).for_each(|d| all[d] += sums[d]);
@@ -355,9 +355,9 @@ fn mass(system: &mut System, u: &[f64], time: f64) -> Result<Vec<f64>, SystemErr
     Ok(in_frames(system, all))
 }
 
-fn damping(system: &mut System, u: &[f64], time: f64) -> Result<Vec<f64>, SystemError> {
+fn damping(system: &mut System, u: &[f64], window: Window) -> Result<Vec<f64>, SystemError> {
     let mut all = vec![0.0; system.numbering.n_dofs];
-    row_sums(system, u, time, RateOrder::First, |system, field, component, sums| {
+    row_sums(system, u, window, RateOrder::First, |system, field, component, sums| {
         let stride = system.fields[field].n_components;
         let range = system.range(field).expect("a field with rates is solved for");
         for (d, value) in sums.iter().enumerate() {
@@ -397,8 +397,8 @@ struct Operator {
 }
 
 impl Operator {
-    fn of(system: &mut System, u: &[f64], time: f64, of_rates: bool) -> Result<Self, SystemError> {
-        rest(system, time);
+    fn of(system: &mut System, u: &[f64], window: Window, of_rates: bool) -> Result<Self, SystemError> {
+        rest(system, window);
         let mut tangent = system.new_tangent();
         system.tangent(u, Branches::AsWritten, &mut tangent)?;
         let mut changing = tangent.changing;
@@ -407,13 +407,13 @@ impl Operator {
             if let Some(rates) = system.rates_mut() {
                 rates.probe(RateFactors { velocity: 1.0, ..RateFactors::default() });
             }
-            system.set_laws(Window::instant(time));
+            system.set_laws(window);
             let mut moving = system.new_tangent();
             system.tangent(u, Branches::AsWritten, &mut moving)?;
             let mut moving = moving.changing;
             moving.values_mut().iter_mut().zip(changing.values()).for_each(|(a, b)| *a -= b);
             changing = moving;
-            rest(system, time);
+            rest(system, window);
         }
         let mut this = Self { changing, at_rest: Vec::new(), of_rates };
         this.at_rest = this.linear(system, &vec![0.0; system.numbering.n_dofs])?;

@@ -67,8 +67,8 @@ impl Stability {
         if !is_due {
             return Ok(());
         }
-        let limit =
-            scene.system.with_other_rates(window, |system| explicit.lumped.longest_step(system, u, window.stage))?;
+        let at_end = Window::new(window.stage, window.increment);
+        let limit = scene.system.with_other_rates(window, |system| explicit.lumped.longest_step(system, u, at_end))?;
         (self.seen, self.looks) = (Some(branches.to_vec()), self.looks + 1);
         self.wait = STEPS_FOR_EACH * limit.evaluations;
         let found = Fallen { time: window.end, limit: limit.step, share: window.increment.abs() / limit.step };

@@ -163,8 +163,8 @@ fn at_start(scene: &Scene) -> Result<(Lumped, StepLimit), Unlumped> {
     scene.prescribed.apply(first, &mut u).map_err(Box::new)?;
     let system = solving.system;
     system.end_step(&u);
-    let lumped = Lumped::of(system, &u, first.stage)?;
-    let limit = lumped.longest_step(system, &u, first.stage)?;
+    let lumped = Lumped::of(system, &u, first)?;
+    let limit = lumped.longest_step(system, &u, first)?;
     Ok((lumped, limit))
 }
 
