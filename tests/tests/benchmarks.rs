@@ -76,6 +76,7 @@ fn sheared_cylinders_stick_where_cattaneo_and_mindlin_say() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn units_sizes_directions_and_numbering_do_not_matter() {
     assert_holds("B15");
 }

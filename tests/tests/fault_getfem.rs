@@ -138,16 +138,13 @@ fn compare_group(group: &str) {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn every_method_agrees_with_getfem_on_cubes() {
     compare_group("cubes_h0.5");
 }
 
-/// Minutes without optimisation, so only in the release suite.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn every_method_agrees_with_getfem_on_finer_cubes() {
-    if cfg!(debug_assertions) {
-        eprintln!("skipped: h = 0.25 runs in the release suite (cargo test --release -p wfl-tests)");
-        return;
-    }
     compare_group("cubes_h0.25");
 }

@@ -67,6 +67,7 @@ fn bits(of: &Gradients) -> Vec<u64> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn steps_that_are_computed_again_give_the_same_bits() {
     let newmark = "scheme newmark\nsteps t = 0 to 2 by 0.02";
     let explicit = "scheme explicit fraction=0.5\nsteps t = 0 to 2 by 0.05";

@@ -179,6 +179,7 @@ fn bisect(law: &TermLaw, given: &[f64], a: &[f64], b: &[f64], kink: usize) -> (f
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn tangents_agree_next_to_every_kink_on_both_of_its_sides() {
     let mut sequence = Sequence(0x5eed_0f1e_55c0_ffee);
     let (mut n_kinks, mut n_states) = (0, 0);

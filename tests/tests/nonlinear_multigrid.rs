@@ -80,6 +80,7 @@ fn agrees(body: &Body<'_>, within: f64) -> String {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn hexahedra_and_quadratic_tetrahedra_have_the_measures_of_factors() {
     for (cells, space) in [("[9,9,9] hex", "Q1"), ("[5,4,4] tet", "P2"), ("[4,4,4] hex", "Q2")] {
         for held in [MOVED, PULLED] {
@@ -110,6 +111,7 @@ fn the_bits_are_those_of_any_number_of_threads() {
 /// Two bodies, of which one is linear, on a bed; a wall that pushes; a body that gives way as it is strained, and remembers how far
 /// it was.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn tangents_without_a_matrix_have_the_measures_of_factors() {
     let two = "region near = cells where z < 0.5\nregion far = all - near\n\
                term more on far : (3*Div_u*Id(3) + 4*Sym(Grad_u)):Grad_Test_u\nterm bed on near : (1 + u.u)*u.Test_u\n";

@@ -129,6 +129,7 @@ fn mistaken(kind: &str, text: &str, draw: &mut Draw) -> Option<(String, String)>
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn one_mistake_gives_one_message() {
     let root = examples();
     let scenes: Vec<_> =

@@ -88,6 +88,7 @@ fn examples_have_the_results_of_one_rank() {
 
 /// Elements of both kinds, a crack, faces without a mesh of their own, states, local frames, finite strain with contact.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn small_scenes_of_each_kind() {
     for path in [
         "creep/maxwell_auto.wfl",

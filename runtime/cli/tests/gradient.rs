@@ -115,6 +115,7 @@ fn both_sides_of_a_kink_stand_in_table_files_and_beside_differences() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn steps_are_computed_again_where_memory_does_not_hold_them_all() {
     let folder = Folder::new("gradient_memory");
     // 2,000 unknowns and as many states by 1,000 steps are 32 MB

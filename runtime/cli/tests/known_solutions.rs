@@ -124,6 +124,7 @@ fn check(asked: f64) {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn an_error_of_a_tenth_is_met_where_the_solution_is_known() {
     check(0.1);
 }

@@ -47,6 +47,7 @@ fn moves_by_rounding(scene: &str, switch: &str, words: &[&str], within: f64) {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn what_is_left_out_changes_the_result_by_rounding_only() {
     // the fault's Newton iterations stop at 1e-10 of the forces; its measures agree to a thousand times that
     moves_by_rounding("fault/penalty.wfl", "condense", &[], 1e-7);

@@ -91,6 +91,7 @@ output vtk "u" : u
 
 /// Levels of multigrid are made of the tangents of a step, and kept in it.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_killed_run_by_conjugate_gradients_on_tangents_goes_on_to_the_same_bytes() {
     let folder = Folder::new("killed-tangents");
     let scene = folder.0.join("bent.wfl");
@@ -164,6 +165,7 @@ output vtk "u" : a, Dot_a as velocity
 
 /// Velocities, states and the balance of energy pass from one explicit step to the next.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_killed_run_of_explicit_steps_goes_on_to_the_same_bytes() {
     let folder = Folder::new("killed-explicit");
     let scene = folder.0.join("slid.wfl");
