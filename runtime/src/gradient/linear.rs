@@ -78,30 +78,35 @@ impl Tangent {
     }
 
     /// How far what the laws make of the last solution, by free number, is from what the tangent makes of it, over the sizes
-    /// of the summands: of the field where that is most. The equations of a field have its own unit.
+    /// of the summands: over the largest of all, or of the field where it is furthest over those of its own equations, which
+    /// have a unit of their own. The smaller one of both: the equations of a field may be nothing but rounding.
     pub(super) fn apart(&self, system: &System, of_laws: &[f64]) -> f64 {
         let Some((_, matrix)) = &self.solver else { return 0.0 };
-        let free_dofs = &system.numbering.free_dofs;
-        let of_field = |field: usize| {
-            let range = system.range(field)?;
-            // free dofs are numbered in their order
-            let first = free_dofs.partition_point(|d| (*d as usize) < range.start);
-            let last = free_dofs.partition_point(|d| (*d as usize) < range.end);
+        let in_rows = |rows: std::ops::Range<usize>| {
             let (mut most, mut apart) = (0.0f64, 0.0f64);
-            for row in first..last {
+            for row in rows {
                 let (columns, values) = matrix.row(row);
                 let summands = || columns.iter().zip(values).map(|(k, a)| a * self.own[*k as usize]);
                 most = most.max(summands().map(f64::abs).sum());
                 let difference = (summands().sum::<f64>() - of_laws[row]).abs();
                 // not a number is apart
-                apart = if difference.is_nan() { difference } else { apart.max(difference) };
+                apart = if difference <= apart { apart } else { difference };
                 if apart.is_nan() {
-                    break;
+                    return apart;
                 }
             }
-            Some(if apart == 0.0 { 0.0 } else { apart / most })
+            if apart == 0.0 { 0.0 } else { apart / most }
         };
-        (0..system.fields.len()).filter_map(of_field).fold(0.0, |m: f64, x| if x.is_nan() { x } else { m.max(x) })
+        let of_all = in_rows(0..of_laws.len());
+        let free_dofs = &system.numbering.free_dofs;
+        let of_field = |field: usize| {
+            let range = system.range(field)?;
+            // free dofs are numbered in their order
+            let before = |dof: usize| free_dofs.partition_point(|d| (*d as usize) < dof);
+            Some(in_rows(before(range.start)..before(range.end)))
+        };
+        let worst = (0..system.fields.len()).filter_map(of_field).fold(0.0, f64::max);
+        if of_all.is_nan() { of_all } else { of_all.min(worst) }
     }
 
     fn factor(&mut self, system: &System, u: &[f64], threads: usize) -> Result<(), Box<Diagnostic>> {
