@@ -1,6 +1,6 @@
 //! Projections of a law and its frozen form: what Newton's method linearises at contact points.
 //!
-//! Every [`pos_part`](crate::functions) and `Ball_projection` of an unknown is the projection of an argument `x` on a
+//! Every [`pos_part`](crate::functions), in whatever words, and `Ball_projection` of an unknown is the projection of an argument `x` on a
 //! half-line or a ball: `t = P(x)`. For any `c > 0` the same equation reads `t = P(t + c (x - t))` (the scaling of a
 //! normal cone), and Newton's method on `t` and the unknowns together, with `t` eliminated at each point, picks its
 //! branches from `t + c (x - t)` in place of `x`. With `c` chosen so that `c dx/du` is about the stiffness of the
@@ -12,6 +12,7 @@
 //! function of its argument. Which branch that is the numbers of [`branch`](crate::branch) say, inputs that the runtime
 //! fills in (`runtime/contact`). A converged state solves the term as written: only the path to it changes.
 
+mod half_lines;
 mod parameters;
 mod slopes;
 
@@ -107,7 +108,8 @@ pub fn compile_frozen(
     field: FieldId,
 ) -> Option<FrozenLaw> {
     let root = listing.residual?;
-    let from = &listing.graph;
+    let rewritten = half_lines::rewritten(&listing.graph, root, env.fields);
+    let (from, root) = rewritten.as_ref().map_or((&listing.graph, root), |(graph, root)| (graph, *root));
     let order = from.reachable(root);
     let found = projections(from, root, &order);
     let sizes = found.last().map(|f| f.projection.branch.end())?;
@@ -183,12 +185,12 @@ fn acting(g: &Graph, root: ExprId) -> Vec<bool> {
     acts
 }
 
-/// Selections `0 <= x ? x : 0`, one for each mask: `(mask, selection)`.
+/// Selections `0 <= x ? x : 0` or `0 < x ? x : 0`, one for each mask: `(mask, selection)`.
 fn half_lines(g: &Graph, order: &[ExprId]) -> BTreeSet<(ExprId, ExprId)> {
     let mut found: BTreeMap<ExprId, ExprId> = BTreeMap::new();
     for e in order {
         if let Node::Select(mask, a, b) = *g.node(*e)
-            && let Node::Compare(Compare::LessEqual, zero, x) = *g.node(mask)
+            && let Node::Compare(Compare::LessEqual | Compare::Less, zero, x) = *g.node(mask)
             && a == x
             && g.is_zero(b)
             && g.is_zero(zero)

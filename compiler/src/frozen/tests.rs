@@ -199,3 +199,24 @@ fn a_parameter_of_value_zero_or_one_is_seen_all_the_same() {
     // the term as compiled has no displacement in its argument
     assert_eq!(scaled("pos_part(k*u(1) - S.Normal)*Test_u(1)", &[("k", 0.0), ("E", 1.0)]).len(), 1);
 }
+
+#[test]
+fn a_positive_part_is_one_in_all_words() {
+    for law in [
+        "max(0, k*u(1))",
+        "max(k*u(1), 0)",
+        "(if u(1) > 0 then k*u(1) else 0)",
+        "(if 0 <= u(1) then u(1)*k else 0)",
+        "(if u(1) <= 0 then 0 else k*u(1))",
+        "-min(0, -k*u(1))",
+        "-min(-k*u(1), 0)",
+        "(if u(1) < 0 then -k*u(1) else 0)",
+        "min(0, k*u(1))",
+        "(if u(1) > 0 then -k*u(1)/E else 0)",
+    ] {
+        with_frozen(&format!("{law}*Test_u(1)"), &NUMBERS, |_, _, frozen| {
+            let kinds: Vec<ProjectionKind> = frozen.projections.iter().map(|p| p.kind).collect();
+            assert_eq!(kinds, [ProjectionKind::HalfLine], "{law}");
+        });
+    }
+}
