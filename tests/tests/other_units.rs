@@ -130,3 +130,31 @@ fn a_joint_with_fluid_takes_the_iterations_of_its_parts() {
         }
     }
 }
+
+/// Places that products and squares of coordinates pick are those of the coordinates themselves, in micrometres and on the globe.
+#[test]
+fn products_of_coordinates_pick_the_same_places_in_every_unit_of_length() {
+    let square = |edge: f64, nodes: &str| {
+        solved(format!(
+            "param a = {edge:e}\nmesh box [0,0] to [a,a] cells [12,12] quad\nregion held = nodes where {nodes}\nunknown u : scalar\n\
+             term heat on all : Grad_u.Grad_Test_u\nfix u = 0 on held\nload u = 1/a^2 on all\n\
+             measure middle = value(u) at [a/2,a/2]\n"
+        ))
+    };
+    let ring = |radius: f64, inner: &str, outer: &str| {
+        solved(format!(
+            "param r = {radius:e}\nmesh box [0.5,0] to [1,1] cells [3,24] quad map [r*x*cos(pi/2*y), r*x*sin(pi/2*y)]\n\
+             region inner = nodes where {inner}\nregion outer = nodes where {outer}\nunknown u : scalar\n\
+             term heat on all : Grad_u.Grad_Test_u\nfix u = 0 on inner\nfix u = 1 on outer\nmeasure mean = mean(u) on all\n"
+        ))
+    };
+    let of_square = square(1.0, "x == 0 or x == a or y == 0 or y == a").measure(0, "middle");
+    let of_ring = ring(1.0, "Norm(X) == r/2", "Norm(X) == r").measure(0, "mean");
+    for unit in [1e-9, 1e-6, 2e-3, 1.0, 1e3, 6.4e6, 1e9] {
+        for nodes in ["x*(a - x)*y*(a - y) == 0", "(a*x - x^2)*(y^2 - a*y) == 0", "x*(a - x) == 0 or y*(a - y) == 0"] {
+            assert_near(&format!("{unit:e} {nodes}"), square(unit, nodes).measure(0, "middle"), of_square, 1e-9);
+        }
+        let found = ring(unit, "x^2 + y^2 == r^2/4", "X.X == r^2");
+        assert_near(&format!("ring {unit:e}"), found.measure(0, "mean"), of_ring, 1e-9);
+    }
+}

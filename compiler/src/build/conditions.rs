@@ -6,9 +6,16 @@ use wfl::{
 };
 
 use crate::{
-    build::{Builder, operators::LONGEST_CHAIN},
+    build::{
+        Builder,
+        gradient::{Reach, along_axis},
+        operators::LONGEST_CHAIN,
+    },
     compare::Compare,
-    graph::{ExprId, Graph},
+    derive::derive,
+    graph::{ExprId, Function1, Graph, Node},
+    math::MathFn1,
+    types::Shape,
 };
 
 /// Which of several conditions have to hold.
@@ -90,8 +97,9 @@ impl Builder<'_> {
             CmpOp::GreaterEqual => g.compare(Compare::LessEqual, b, a),
             CmpOp::Equal | CmpOp::NotEqual if self.loose_equality => {
                 let difference = g.sub(a, b);
+                let tolerance = self.within(difference);
+                let g = &mut self.graph;
                 let minus = g.neg(difference);
-                let tolerance = g.number(self.env.equal_within);
                 let above = g.compare(Compare::LessEqual, difference, tolerance);
                 let below = g.compare(Compare::LessEqual, minus, tolerance);
                 let equal = g.and(above, below);
@@ -101,4 +109,55 @@ impl Builder<'_> {
             CmpOp::NotEqual => g.compare(Compare::NotEqual, a, b),
         }
     }
+
+    /// How large a difference of two expressions may be where they count as equal: what it changes by over the length
+    /// `equal_within`, so that `x*(L - x) == 0` and `x^2 + y^2 == R^2` hold as near as `x == 0` in every unit of length. The
+    /// length itself is taken for what does not change with the position, and for what may have no slope or an infinite one.
+    fn within(&mut self, difference: ExprId) -> ExprId {
+        let length = self.graph.number(self.env.equal_within);
+        if !has_a_slope(&self.graph, difference) {
+            return length;
+        }
+        let fields = self.env.fields;
+        let along = |g: &mut Graph, k: usize| {
+            derive(g, difference, &mut |g, leaf| along_axis(g, leaf, k, fields, &mut Reach::default())).ok()
+        };
+        let slopes: Option<Vec<ExprId>> = (0..self.env.dim).map(|k| along(&mut self.graph, k)).collect();
+        let g = &mut self.graph;
+        match slopes {
+            Some(slopes) if slopes.iter().any(|slope| !g.is_zero(*slope)) => {
+                let slopes = g.stack(Shape::vector(slopes.len()), &slopes);
+                let slope = g.norm(slopes);
+                g.scale(length, slope)
+            }
+            _ => length,
+        }
+    }
+}
+
+/// True for an expression whose derivatives are finite wherever it is: sums, products, entries, and functions without a
+/// singular point.
+fn has_a_slope(g: &Graph, e: ExprId) -> bool {
+    g.reachable(e).into_iter().all(|e| match g.node(e) {
+        Node::Const(_)
+        | Node::Leaf(_)
+        | Node::Add(..)
+        | Node::Sub(..)
+        | Node::Neg(_)
+        | Node::Scale(..)
+        | Node::MulComponents(..)
+        | Node::Contract(..)
+        | Node::Trace(..)
+        | Node::Permute(..)
+        | Node::Reshape(_)
+        | Node::Pick(..)
+        | Node::Stack(_)
+        | Node::Norm(_) => true,
+        Node::Divide(_, by) | Node::DivComponents(_, by) => g.constant_value(*by).is_some(),
+        Node::Map(Function1::Math(function), _) => matches!(
+            function,
+            MathFn1::Sin | MathFn1::Cos | MathFn1::Exp | MathFn1::Sinh | MathFn1::Cosh | MathFn1::Tanh | MathFn1::Atan
+        ),
+        _ => false,
+    })
 }

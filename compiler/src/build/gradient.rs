@@ -11,7 +11,7 @@ use crate::{
 
 /// How the symbolic gradient of an expression came out of one direction.
 #[derive(Clone, Copy, Default)]
-struct Reach {
+pub(super) struct Reach {
     /// A third derivative of a field of cells is needed.
     third: bool,
     /// The second derivative of this field, which lives on faces, is needed.
@@ -19,7 +19,13 @@ struct Reach {
 }
 
 /// The derivative of a leaf along axis `k`, where it has one.
-fn along_axis(g: &mut Graph, leaf: Leaf, k: usize, fields: &[FieldSig], reach: &mut Reach) -> Option<ExprId> {
+pub(super) fn along_axis(
+    g: &mut Graph,
+    leaf: Leaf,
+    k: usize,
+    fields: &[FieldSig],
+    reach: &mut Reach,
+) -> Option<ExprId> {
     match leaf {
         Leaf::X => {
             let x = g.leaf(Leaf::X);
