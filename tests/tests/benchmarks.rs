@@ -88,6 +88,7 @@ fn every_assembled_tangent_is_the_derivative_of_the_residual() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn two_blocks_have_the_closed_form_of_stick_and_slip() {
     assert_holds("B1");
 }

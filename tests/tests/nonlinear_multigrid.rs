@@ -139,6 +139,7 @@ fn a_factor_takes_over_where_tangents_are_not_positive_definite() {
 /// Bodies that are nearly incompressible, cells ten and a hundred times as long as wide: an answer, and a word where it is a
 /// factor's.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn hard_bodies_converge_or_say_what_took_over() {
     let of = |size, cells, space, nu| Body { size, cells, space, nu, held: PULLED, ..BLOCK };
     for body in [

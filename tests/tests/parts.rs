@@ -51,6 +51,7 @@ fn smaller() -> Vec<(&'static str, String)> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn the_fault_with_three_methods() {
     for method in ["nitsche", "penalty", "augmented_lagrangian"] {
         for ranks in [2, 3, 4] {
@@ -137,6 +138,7 @@ fn cells(pieces: &[Piece], n_pieces: usize) -> Cells {
 
 /// The grids of all ranks together are the grid of one rank: each cell once, with its values.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn the_parts_of_a_grid_are_the_grid() {
     for path in ["fault/nitsche.wfl", "surfaces/tjunction.wfl", "plasticity/perzyna.wfl", "signorini/signorini.wfl"] {
         grids_agree(&Shared::example(path, &smaller()), path, 3);

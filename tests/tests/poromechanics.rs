@@ -245,6 +245,7 @@ fn slip_runs_ahead_of_the_fluid_or_behind_it_in_the_plane() {
 /// The same in space without transverse strain, where slip is round and the fluid comes at a constant rate through a well:
 /// a thin sector, fed along its inner rim.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn slip_around_a_well_has_the_front_of_its_closed_form() {
     let text = format!(
         "{CROWDED}param T = 0.1\nparam lambda = 1\nparam f_sigma = 20\nparam m = 50\nparam r0 = 1e-3\nparam a = 0.02\n\
@@ -412,6 +413,7 @@ fn slow_slip_by_injection_is_that_of_dislocations() {
 /// Loads of nothing and of any size: what is linear is so many times as large, nothing is told of a load that is small, and a
 /// traction that the law makes zero is no reason to go on for ever. Strains far beyond one are told as that.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn loads_of_any_size_have_results_of_that_size() {
     let scenes: [(&str, &[&str], &[&str]); 4] = [
         ("reservoir", &["dp", "B"], &["slip", "back", "centre", "most"]),

@@ -213,6 +213,7 @@ measure shift = integral(u(2)*x + u(3)*Normal(1)) on east
 ";
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn friction_on_a_bent_interface_in_space() {
     compared(SPACE, &["pull", "force", "shift"], &["bend", "high", "fric"], 2e-7);
 }

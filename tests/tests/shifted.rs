@@ -120,6 +120,7 @@ fn forces(case: Case, offset: f64, h: f64) -> Vec<[f64; 2]> {
 /// Bodies that touch and are at rest, then pressed by a hundredth of their edge, then moved along by two: near the origin, a
 /// thousand edges away, and where maps of a country have their coordinates.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_translation_of_the_mesh_changes_no_force_and_is_no_reason_to_doubt() {
     let shapes = [(2, "quad", "Q2"), (2, "tri", "P1"), (3, "hex", "Q1"), (3, "tet", "P1")];
     for (dim, shape, element) in shapes {

@@ -183,6 +183,7 @@ fn a_sweep_that_means_nothing_is_refused_with_a_reason() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn solvers_that_are_asked_for_solve_the_same_problem() {
     let out = folder("solvers");
     // enough dofs of contact that one unknown is shared by facing ones
