@@ -1,9 +1,9 @@
 //! Projections of a law and its frozen form: what Newton's method linearises at contact points.
 //!
-//! Every [`pos_part`](crate::functions), in whatever words, and `Ball_projection` of an unknown is the projection of an argument `x` on a
-//! half-line or a ball: `t = P(x)`. For any `c > 0` the same equation reads `t = P(t + c (x - t))` (the scaling of a
-//! normal cone), and Newton's method on `t` and the unknowns together, with `t` eliminated at each point, picks its
-//! branches from `t + c (x - t)` in place of `x`. With `c` chosen so that `c dx/du` is about the stiffness of the
+//! Every [`pos_part`](crate::functions), in whatever words, and `Ball_projection` of an unknown is the projection of an
+//! argument `x` on a half-line or a ball: `t = P(x)`. For any `c > 0` the same equation reads `t = P(t + c (x - t))` (the
+//! scaling of a normal cone), and Newton's method on `t` and the unknowns together, with `t` eliminated at each point, picks
+//! its branches from `t + c (x - t)` in place of `x`. With `c` chosen so that `c dx/du` is about the stiffness of the
 //! bodies this is the primal-dual active set method (Alart and Curnier 1991; Hintermüller, Ito and Kunisch 2002),
 //! whatever the penalty, Nitsche or augmentation parameter in `x`: a point that slipped one way is tried as sticking
 //! before it slips the other way, and two-cycles do not arise.

@@ -111,8 +111,9 @@ impl Builder<'_> {
     }
 
     /// How large a difference of two expressions may be where they count as equal: what it changes by over the length
-    /// `equal_within`, so that `x*(L - x) == 0` and `x^2 + y^2 == R^2` hold as near as `x == 0` in every unit of length. The
-    /// length itself is taken for what does not change with the position, and for what may have no slope or an infinite one.
+    /// `equal_within`, so that `x*(L - x) == 0` and `x^2 + y^2 == R^2` hold as near as `x == 0` in every unit of length, and
+    /// what rounding leaves of its summands: a double root has no slope. The length itself is taken for what does not change
+    /// with the position, and for what may have no slope or an infinite one.
     fn within(&mut self, difference: ExprId) -> ExprId {
         let length = self.graph.number(self.env.equal_within);
         if !has_a_slope(&self.graph, difference) {
@@ -128,10 +129,34 @@ impl Builder<'_> {
             Some(slopes) if slopes.iter().any(|slope| !g.is_zero(*slope)) => {
                 let slopes = g.stack(Shape::vector(slopes.len()), &slopes);
                 let slope = g.norm(slopes);
-                g.scale(length, slope)
+                let near = g.scale(length, slope);
+                // of a line the length is far above rounding already
+                if g.depends(slope).point {
+                    let size = summands(g, difference);
+                    let roundoff = g.number(ROUNDOFF);
+                    let roundoff = g.scale(roundoff, size);
+                    g.add(near, roundoff)
+                } else {
+                    near
+                }
             }
             _ => length,
         }
+    }
+}
+
+/// Roundoff of a formula of some ten operations, in parts of its summands.
+const ROUNDOFF: f64 = 16.0 * f64::EPSILON;
+
+/// The sum of the sizes of what an expression adds up.
+fn summands(g: &mut Graph, e: ExprId) -> ExprId {
+    match *g.node(e) {
+        Node::Add(a, b) | Node::Sub(a, b) => {
+            let (a, b) = (summands(g, a), summands(g, b));
+            g.add(a, b)
+        }
+        Node::Neg(a) => summands(g, a),
+        _ => g.norm(e),
     }
 }
 

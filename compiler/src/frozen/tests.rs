@@ -9,7 +9,7 @@ use crate::{
     build::{Constant, Env},
     dd::Dd,
     interp::interpret,
-    law::ValueLaw,
+    law::{TermLaw, ValueLaw},
     real::Real,
     symmetry::unit_normals,
     term::{TermSource, compile_term},
@@ -214,9 +214,49 @@ fn a_positive_part_is_one_in_all_words() {
         "min(0, k*u(1))",
         "(if u(1) > 0 then -k*u(1)/E else 0)",
     ] {
-        with_frozen(&format!("{law}*Test_u(1)"), &NUMBERS, |_, _, frozen| {
+        with_frozen(&format!("{law}*Test_u(1)"), &NUMBERS, |env, source, frozen| {
             let kinds: Vec<ProjectionKind> = frozen.projections.iter().map(|p| p.kind).collect();
             assert_eq!(kinds, [ProjectionKind::HalfLine], "{law}");
+            let written = compile_term(env, &place(), "law", source).value.expect("a law");
+            let branches = env.fields.len();
+            for u in [-0.7, 0.4] {
+                let on = |mask: f64| {
+                    residual(&frozen.law, &|slot| match slot {
+                        InputSlot::Field(b) if b.field.index() == branches => mask,
+                        // no regularisation
+                        InputSlot::Field(b) if b.field.index() > branches => 0.0,
+                        _ => u,
+                    })
+                };
+                let [is, open, closed] = [residual(&written, &|_| u), on(0.0), on(1.0)];
+                assert_eq!(open, 0.0, "{law}");
+                assert!(closed != 0.0 && (is == closed || is == open), "{law} at {u}: {is}, {closed}");
+            }
+            assert!([-0.7, 0.4].iter().any(|u| residual(&written, &|_| *u) != 0.0), "{law}");
         });
     }
+}
+
+/// The first residual of a law, every input of which `value` gives.
+fn residual(law: &TermLaw, value: &dyn Fn(&InputSlot) -> f64) -> f64 {
+    let step = vec![1.0; law.prologue.slots.len()];
+    let mut uniforms = vec![0.0; law.prologue.kernel.kernel().outputs.len()];
+    interpret(&law.prologue.kernel, &step, &[], &mut Vec::new(), &mut uniforms);
+    let inputs: Vec<f64> = law.inputs.iter().map(value).collect();
+    let mut out = vec![0.0; law.residual.kernel().outputs.len()];
+    interpret(&law.residual, &uniforms, &inputs, &mut Vec::new(), &mut out);
+    out[0]
+}
+
+/// Equal entries across the diagonal, but for a branch that begins at a large value.
+#[test]
+fn a_branch_far_away_is_one_of_the_tangent() {
+    let is_symmetric = |text: &str| {
+        with_frozen(text, &NUMBERS, |env, source, _| {
+            compile_term(env, &place(), "law", source).value.expect("a law").symmetric
+        })
+    };
+    let coupled = "k*(u(1)*Test_l(1) + l(1)*Test_u(1)) + pos_part(l(1) - 1e6)";
+    assert!(is_symmetric(&format!("{coupled}*Test_l(1)")));
+    assert!(!is_symmetric(&format!("{coupled}*Test_u(1)")));
 }

@@ -470,10 +470,7 @@ impl Backwards<'_, '_> {
             numbering.gather(&of_laws, &mut own);
             let apart = self.tangent.apart(self.standing.solving.system, &own);
             if apart.is_nan() || apart > AGREEMENT {
-                return Err(not_made(&format!(
-                    "at t = {} the transposed tangent and the derivatives of the laws differ by {apart:.1e}",
-                    step.window.end
-                )));
+                return Err(refused::apart(step.window.end, "transposed tangent", apart));
             }
         }
         if let Some(rates) = step.rates.as_ref().filter(|_| self.standing.offset(step) != 0.0) {

@@ -357,10 +357,7 @@ impl Forwards<'_, '_> {
         numbering.gather(&of_unknowns, &mut own);
         let apart = self.tangent.apart(self.standing.solving.system, &own);
         if apart.is_nan() || apart > AGREEMENT {
-            return Err(not_made(&format!(
-                "at t = {} the tangent and the derivatives of the laws differ by {apart:.1e}",
-                step.window.end
-            )));
+            return Err(refused::apart(step.window.end, "tangent", apart));
         }
         Ok(())
     }

@@ -36,6 +36,11 @@ pub(super) fn not_made(why: &str) -> Box<Diagnostic> {
     Box::new(message("the derivatives could not be computed").note(why))
 }
 
+/// A tangent (`which`) that is not that of the laws, by so large a part.
+pub(super) fn apart(time: f64, which: &str, by: f64) -> Box<Diagnostic> {
+    not_made(&format!("at t = {time} the {which} and the derivatives of the laws differ by {by:.1e}"))
+}
+
 /// No choice of branches solves the equations to one side.
 pub(super) fn no_side(time: f64) -> Box<Diagnostic> {
     let d = message(format!(
