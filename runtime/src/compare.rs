@@ -1,7 +1,8 @@
 //! Comparison of two solutions of one scene, quantity by quantity.
 //!
-//! Differences are relative, in norms over the points of the reference run: `L2` and `H1` of all unknowns on cells, the
-//! outputs on contact faces (traction, slip, …) by name, measures of the last step by name. Promises: a point that the
+//! Differences are relative, in norms over the points of the reference run: `L2` and `H1` of the unknowns on cells, the
+//! outputs on contact faces (traction, slip, …) by name, measures of the last step by name. Unknowns of several kinds, such as
+//! displacements and a pressure, have no common unit: the norm of the worst kind counts. Promises: a point that the
 //! other mesh does not have is counted; with too many of them there is no number. Does not know which of two runs is
 //! better.
 
@@ -10,6 +11,11 @@ use wfl::{
     ast::{Expr, ExprKind, Place},
 };
 use wfl_compiler::backend::KernelBackend;
+
+use wfl_discrete::{
+    assemble::TermError,
+    system::{Branches, Form},
+};
 
 use crate::{
     Outcome, SampleAt, Samples, Scene,
@@ -124,7 +130,48 @@ pub fn sampled_if(
     list.retain(|(name, _)| wanted(quantity(name)));
     let mut samples = take(run, backend, &list, at)?;
     samples.retain(|s| is_norm(&s.name) || !s.home.starts_with("body"));
+    let kinds = kinds(run)?;
+    for sample in samples.iter_mut().filter(|s| is_norm(&s.name)) {
+        let of = kinds.iter().find(|kind| kind.fields.iter().any(|field| sample.name[3..] == *field));
+        (sample.kind, sample.vanishes) = of.map_or_else(Default::default, |k| (k.fields[0].clone(), k.vanishes));
+    }
     Ok(samples)
+}
+
+/// Unknowns on cells that share unit and size: displacements of bodies that meet.
+pub(crate) struct Kind {
+    /// Their names.
+    pub(crate) fields: Vec<String>,
+    /// They are what rounding leaves of zero.
+    pub(crate) vanishes: bool,
+}
+
+/// The unknowns on cells by kind; whether one vanishes matters beside another alone.
+///
+/// # Errors
+/// If the equations of the last step cannot be evaluated.
+pub(crate) fn kinds(run: &Solved) -> Result<Vec<Kind>, String> {
+    let system = &run.outcome.equations.system;
+    let mut kinds: Vec<(usize, Kind)> = Vec::new();
+    for field in unknowns(run) {
+        let Some(k) = system.fields.iter().position(|f| f.name == field) else { continue };
+        match kinds.iter_mut().find(|(first, _)| *first == system.alike(k)) {
+            Some((_, kind)) => kind.fields.push(field.to_owned()),
+            None => kinds.push((system.alike(k), Kind { fields: vec![field.to_owned()], vanishes: false })),
+        }
+    }
+    if let (Some(last), true) = (state(run), kinds.len() > 1) {
+        let told = |e: TermError| e.to_string();
+        let residual = system.residual(last.unknowns, &Form::AS_WRITTEN).map_err(told)?;
+        let mut tangent = system.new_tangent();
+        system.tangent(last.unknowns, Branches::AsWritten, &mut tangent).map_err(told)?;
+        for (first, kind) in &mut kinds {
+            let bodies = (0..system.n_bodies()).filter(|body| system.alike(system.field_of_body(*body)) == *first);
+            kind.vanishes =
+                { bodies }.all(|body| system.is_zero_but_for_rounding(last.unknowns, &residual, &tangent, body));
+        }
+    }
+    Ok(kinds.into_iter().map(|(_, kind)| kind).collect())
 }
 
 fn is_norm(name: &str) -> bool {
@@ -195,22 +242,34 @@ pub struct Compared<'a> {
     pub measures: &'a [(String, f64)],
 }
 
-/// Relative differences from a reference by quantity; not a number where too many points were not found. A measure with
+/// Relative differences from a reference by quantity, of norms of unknowns that of the worst kind; not a number where too many points were not found. A measure with
 /// the name of an output is called `measure NAME`.
 #[must_use]
 pub fn differences(found: Compared<'_>, reference: Compared<'_>) -> Vec<(String, f64)> {
-    let mut sums: Vec<(String, Sum)> = Vec::new();
+    let mut sums: Vec<([&str; 2], Sum)> = Vec::new();
     for like in reference.samples {
         let Some(samples) = found.samples.iter().find(|s| s.name == like.name && s.home == like.home) else { continue };
-        let quantity = quantity(&like.name);
-        let at = sums.iter().position(|s| s.0 == quantity).unwrap_or_else(|| {
-            sums.push((quantity.to_owned(), Sum::default()));
+        if like.vanishes && samples.vanishes {
+            // of rounding there is no relative difference
+            continue;
+        }
+        let key = [quantity(&like.name), like.kind.as_str()];
+        let at = sums.iter().position(|s| s.0 == key).unwrap_or_else(|| {
+            sums.push((key, Sum::default()));
             sums.len() - 1
         });
         sums[at].1.add(samples, like);
     }
-    let mut out: Vec<(String, f64)> =
-        sums.into_iter().filter(|s| s.1.norm > 0.0).map(|(name, sum)| (name, sum.relative())).collect();
+    let mut out: Vec<(String, f64)> = Vec::new();
+    for ([quantity, _], sum) in sums.iter().filter(|(_, sum)| sum.norm > 0.0) {
+        match out.iter_mut().find(|(name, _)| name == quantity) {
+            // what is no number on one kind is none
+            Some((_, worst)) => {
+                *worst = if worst.is_nan() || sum.relative() <= *worst { *worst } else { sum.relative() }
+            }
+            None => out.push(((*quantity).to_owned(), sum.relative())),
+        }
+    }
     for (name, value) in found.measures {
         if let Some((_, at)) = reference.measures.iter().find(|m| m.0 == *name).filter(|m| m.1 != 0.0) {
             let taken = out.iter().any(|o| o.0 == *name);
@@ -224,6 +283,26 @@ pub fn differences(found: Compared<'_>, reference: Compared<'_>) -> Vec<(String,
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_norm_is_that_of_the_worst_kind_of_unknowns() {
+        let samples = |u: f64, p: f64, noise: f64| {
+            let one = |field: &str, value: f64, vanishes: bool| Samples {
+                name: format!("L2 {field}"),
+                kind: field.to_owned(),
+                vanishes,
+                components: 1,
+                weights: vec![2.0],
+                values: vec![value],
+                ..Samples::default()
+            };
+            [one("u", u, false), one("p", p, false), one("T", noise, true)]
+        };
+        let [found, reference] = [samples(1.1e-3, 1e6 + 1.0, 1e-20), samples(1e-3, 1e6, -1e-20)];
+        let compared = |samples| Compared { samples, measures: &[] };
+        let list = differences(compared(&found), compared(&reference));
+        assert!(list.len() == 1 && list[0].0 == "L2" && (list[0].1 - 0.1).abs() < 1e-12, "{list:?}");
+    }
 
     #[test]
     fn a_measure_with_the_name_of_an_output_is_told_apart() {

@@ -26,7 +26,7 @@ fn manufactured_contact_has_the_errors_of_the_independent_program() {
 
 #[test]
 fn the_page_names_every_benchmark_and_none_fails() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/verification.md");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/verification.md");
     let page = std::fs::read_to_string(path).expect("the page is in the repository");
     let made = "make it again: cargo run --release -p wfl-tests --bin verification";
     for benchmark in benchmarks() {

@@ -11,7 +11,7 @@ fn run(text: &str, backend: &dyn KernelBackend) -> CorpusReport {
 }
 
 fn read(name: &str) -> String {
-    std::fs::read_to_string(format!("{}/reference/{name}.json", env!("CARGO_MANIFEST_DIR"))).expect("the corpus")
+    std::fs::read_to_string(format!("{}/../reference/{name}.json", env!("CARGO_MANIFEST_DIR"))).expect("the corpus")
 }
 
 fn all_pass(name: &str, cases: usize, own_at_ties: &[&str], backend: &dyn KernelBackend) {

@@ -5,7 +5,7 @@ use std::{fs, path::Path};
 use wfl_tests::{Attempt, attempt, doubts};
 
 fn page() -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/formulations.md");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/formulations.md");
     fs::read_to_string(path).expect("the page is in the repository")
 }
 
@@ -75,7 +75,7 @@ fn every_formulation_gives_its_closed_form() {
 fn every_macro_of_the_standard_library_is_on_the_page() {
     let page = page();
     for file in ["contact", "elasticity", "polar", "poro", "sliding"] {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../wfl/std/{file}.wfl"));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../wfl/std/{file}.wfl"));
         let text = fs::read_to_string(path).expect("the library is in the repository");
         for line in text.lines() {
             let Some(head) = line.strip_prefix("def ") else { continue };

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use wfl_tests::{examples, prepared};
 
 fn path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/language.md")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/language.md")
 }
 
 fn page() -> String {
@@ -21,7 +21,10 @@ fn is_on_the_page(head: &str, table: &str) {
         std::fs::write(path(), [&page[..begin], table, &page[end..]].concat()).expect("the page can be written");
         return;
     }
-    assert!(page[begin..end] == *table, "WFL_WRITE=1 cargo test --workspace --test language_page writes the table");
+    assert!(
+        page[begin..end] == *table,
+        "WFL_WRITE=1 cargo test --workspace --test suites language_page:: writes the table"
+    );
 }
 
 #[test]

@@ -20,7 +20,7 @@ struct Assembled {
 }
 
 fn example(path: &str, edits: &[(&str, String)]) -> Scene {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples").join(path);
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(path);
     let text = std::fs::read_to_string(&file).expect("an example");
     let backend = JitBackend::new().expect("machine code on this processor");
     prepared(file.parent().expect("a folder"), text, edits, &[], &backend).expect("a scene")

@@ -573,3 +573,23 @@ fn equal_steps_of_a_linear_scene_with_rates_share_one_factor() {
     assert!((heat / wanted - 1.0).abs() < 1e-12, "{heat} {wanted}");
     assert_eq!(factors("0 to 1 by 0.3").0, 2, "the last increment is shorter");
 }
+
+/// Two layers of one cell each that stick: what is prescribed opens three of four points at first, and one alone holds nothing.
+/// The exact solution is affine.
+#[test]
+fn a_first_guess_that_holds_nothing_is_closed_before_a_body_is_called_loose() {
+    for (friction, gamma) in [(0.5, 1e5), (5.0, 1e4)] {
+        let solved = wfl_tests::solved(format!(
+            "use \"contact\"\nmesh box [0,0] to [1,1] cells [2,2] quad map [x, y + 0.2*x]\ndef height = y - 0.2*x\n\
+             region below = cells where height < 0.5\nregion above = cells where height > 0.5\n\
+             region fault = interface from below to above\nregion floor = faces where height == 0\n\
+             region rest = boundary - floor\nunknown a : vector Q1 on below\nunknown b : vector Q1 on above\n\
+             def sigma(v) = 2000*Sym(Grad_v) + 500*Div_v*Id(2)\ndef G = [0.3,-1;0.2,-2]*1e-3\n\
+             def S = 2000*Sym(G) + 500*Trace(G)*Id(2)\nterm lower on below : sigma(a):Grad_Test_a\n\
+             term upper on above : sigma(b):Grad_Test_b\nterm contact on fault : nitsche(a, b, {gamma:e}, 0, {friction})\n\
+             fix a = G*[x,y] on floor\nload a = S*Normal on rest\nload b = S*Normal on rest\n\
+             measure off = max(Norm(a - G*[x,y])) on below\nmeasure bent = max(Norm(Grad_b - G)) on above\n"
+        ));
+        assert!(solved.measure(0, "off") < 1e-12 && solved.measure(0, "bent") < 1e-10, "{friction} {gamma:e}");
+    }
+}

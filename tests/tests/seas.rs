@@ -9,7 +9,7 @@ use wfl_tests::{examples, solve};
 const YEAR: f64 = 31_557_600.0;
 
 fn published() -> Value {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("reference/seas_bp1.json");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference/seas_bp1.json");
     let text = std::fs::read_to_string(path).expect("the reference is in the repository");
     serde_json::from_str::<Value>(&text).expect("a file of numbers")["bp1_qd"].clone()
 }
@@ -24,7 +24,7 @@ fn number(of: &Value) -> f64 {
 #[test]
 fn the_cycle_of_bp1_on_coarse_cells_is_near_the_published_series() {
     if cfg!(debug_assertions) {
-        eprintln!("skipped: BP1 runs in the release suite (cargo test --release -p wfl-tests)");
+        eprintln!("skipped: BP1 runs in the release suite (cargo test --release -p wfl-suites)");
         return;
     }
     let folder = examples().join("friction");

@@ -22,7 +22,7 @@ use wfl_runtime::{
 use wfl_tests::{Sequence, prepared};
 
 fn examples() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples")
 }
 
 fn example(path: &str, edits: &[(&str, String)], params: &[(&str, f64)]) -> Scene {

@@ -519,6 +519,28 @@ measure F = mean(u) on right
     compared(&hexes.replace("quadrature on right vertex\n", ""), &["F"], &["b"], 1e-8);
 }
 
+/// The lever of a moment moves with the nodes; a force has none.
+#[test]
+fn a_lever_that_moves_is_refused() {
+    let bar = "wfl 1
+param L = 2
+param k = 3
+mesh box [0] to [L] cells [4]
+region left = faces where x == 0
+region right = faces where x == L
+unknown u : scalar
+term stress on all : k*Grad_u.Grad_Test_u
+fix u = 0 on left
+fix u = 1 on right
+measure M = reaction(x*u) on right
+measure F = reaction(u) on right
+";
+    let told = refused(bar, "M", "L");
+    assert!(told.contains("E470") && told.contains("`x` multiplies what a reaction adds up"), "{told}");
+    compared(bar, &["F"], &["L"], 1e-8);
+    compared(bar, &["M", "F"], &["k"], 1e-8);
+}
+
 /// Formulas of the map reach a parameter through macros and other parameters.
 #[test]
 fn a_map_follows_what_its_words_are_made_of() {

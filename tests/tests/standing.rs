@@ -30,7 +30,7 @@ const SCENES: [(&str, &[(&str, &str)]); 9] = [
 ];
 
 fn scene(path: &str, edits: &[(&str, &str)]) -> Scene {
-    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../examples").join(path);
+    let file = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(path);
     let text = std::fs::read_to_string(&file).expect("an example");
     let backend = JitBackend::new().expect("machine code on this processor");
     let edits: Vec<(&str, String)> = edits.iter().map(|(from, to)| (*from, (*to).to_owned())).collect();

@@ -332,7 +332,7 @@ fn differences(path: &str, both: &Both) -> Vec<String> {
 /// A Jacobian has the same numbers by rows and by columns, over steps with friction and a memory.
 #[test]
 fn a_jacobian_by_rows_is_one_by_columns() {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/gradients.md");
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/gradients.md");
     let text = std::fs::read_to_string(page).expect("a page");
     let scene =
         text.split("```wfl fault.wfl\n").nth(1).and_then(|s| s.split("```").next()).expect("its scene").to_owned();

@@ -49,14 +49,15 @@ pub fn digits(state: Solved<'_>, solver: &mut LinearSolver, correction: Option<f
             break;
         }
         let Some(error) = disturbed(state, solver, &uncertainty, sample)? else { continue };
-        for (field, error) in system.relative_sizes(u, &error) {
+        for (body, error) in system.relative_sizes(u, &error) {
             // of zero there are no digits
-            if error > CLEAR && system.is_zero_but_for_rounding(u, state.residual, state.tangent, field) {
+            if error > CLEAR && system.is_zero_but_for_rounding(u, state.residual, state.tangent, body) {
                 continue;
             }
             let error = correction.map_or(error, |c| if error > c || error.is_nan() { error } else { c });
             if worst.as_ref().is_none_or(|w| error.is_nan() || error > w.error) {
-                worst = Some(Accuracy { error, field: system.fields[field].name.clone() });
+                let field = &system.fields[system.field_of_body(body)];
+                worst = Some(Accuracy { error, field: field.name.clone() });
             }
         }
     }

@@ -39,7 +39,8 @@ impl Solved<'_> {
         let multipliers =
             (0..self.system.fields.len()).filter(|k| self.system.fields[*k].kind == FieldKind::Multiplier);
         let unknown = |k: &usize| self.system.fields[*k].kind == FieldKind::Unknown;
-        let forces = (0..self.system.fields.len()).filter(unknown).map(|k| self.residual.forces[k]);
+        let bodies = (0..self.system.n_bodies()).filter(|body| unknown(&self.system.field_of_body(*body)));
+        let forces = bodies.map(|body| self.residual.forces[body]);
         let ranges = (0..self.system.fields.len()).filter(unknown).filter_map(|k| self.system.range(k));
         let summed = ranges.flat_map(|range| &self.residual.linear_sizes[range]).copied();
         let beside = self.system.team().largest(forces.chain(summed).fold(0.0, f64::max));

@@ -1,7 +1,7 @@
 //! Conditions that a solution satisfies for every method: equilibrium, no penetration, no slip of sticking points.
 //!
-//! Promises: numbers relative to what is there (forces to forces, lengths to the largest displacement), found from
-//! terms and prescribed values alone. Does not judge the mesh.
+//! Promises: numbers relative to what is there (forces to forces, lengths to the largest displacement of the bodies that
+//! meet), found from terms and prescribed values alone. Does not judge the mesh.
 
 use wfl_compiler::{
     Class,
@@ -161,7 +161,7 @@ pub fn rests(state: Solved<'_>, form: &Form<'_>) -> Result<bool, TermError> {
     let mut still = u.to_vec();
     system.numbering.part_of_free(0.0, &mut still);
     let positions = system.sizes_of_positions(state.tangent);
-    let of_positions = if positions.is_empty() { Vec::new() } else { system.largest_of_groups(&positions) };
+    let of_positions = if positions.is_empty() { Vec::new() } else { system.largest_of_alike(&positions) };
     if is_balanced(system, &still, form, &of_positions)? {
         return Ok(true);
     }
@@ -173,16 +173,16 @@ pub fn rests(state: Solved<'_>, form: &Form<'_>) -> Result<bool, TermError> {
 }
 
 /// True if the forces on all free dofs are zero, or rounding beside the largest that their fields are made of; where laws add
-/// unknowns to positions, beside the stiffness times the positions by field.
+/// unknowns to positions, beside the stiffness times the positions by body.
 fn is_balanced(system: &System, u: &[f64], form: &Form<'_>, of_positions: &[f64]) -> Result<bool, TermError> {
     let residual = system.residual(u, form)?.values;
     let free = &system.numbering.free_dofs;
     if system.team().all(free.iter().all(|d| residual[*d as usize] == 0.0)) {
         return Ok(true);
     }
-    let parts = system.largest_of_groups(&system.contributions(u)?);
-    let made_of = |field: usize| parts[field] + of_positions.get(field).copied().unwrap_or(0.0);
-    let is_rounding = |d: &u32| residual[*d as usize].abs() <= ROUNDED * made_of(system.field_of(*d as usize));
+    let parts = system.largest_of_alike(&system.contributions(u)?);
+    let made_of = |body: usize| parts[body] + of_positions.get(body).copied().unwrap_or(0.0);
+    let is_rounding = |d: &u32| residual[*d as usize].abs() <= ROUNDED * made_of(system.body_of(*d as usize));
     Ok(system.team().all(free.iter().all(is_rounding)))
 }
 
@@ -388,30 +388,45 @@ fn scrambled(system: &System, u: &[f64]) -> Vec<f64> {
 /// residual `left`. Nothing where nothing has moved: what is left there is rounding.
 #[must_use]
 pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
-    let (system, u) = (state.system, state.u);
-    let groups = displacement_groups(system);
-    let ranges = groups.iter().flatten().filter_map(|k| system.range(*k));
-    let largest = system.team().largest(largest(ranges.flat_map(|r| u[r].iter().copied())));
-    let has_moved = largest > 0.0 && largest > UNMOVED * system.extent();
+    let system = state.system;
+    let displacements = displacement_groups(system).concat();
+    let moved = moved_by_term(state, &displacements);
+    let has_moved = moved.iter().any(Option::is_some);
     let mut found = Conditions::default();
     if has_moved {
-        found = of_contact(state, largest, Look::Quick);
+        found = of_contact(state, &moved, Look::Quick);
         if !found.narrow.is_empty() || !found.checks.iter().all(PhysicsCheck::holds) {
-            found = of_contact(state, largest, Look::Careful);
+            found = of_contact(state, &moved, Look::Careful);
         }
     }
-    if groups.is_empty() || has_moved {
+    if displacements.is_empty() || has_moved {
         let defects = state.law_defects(UNPRESSED);
         found.checks.extend(defects.into_iter().map(|defect| law_at_points(defect, left)));
     }
     found
 }
 
-/// The conditions of contact at a state with this largest displacement, zones that cover no face, and pressures that
+/// By term the largest displacement of the bodies that it acts on, on any rank; none where that is rounding of positions.
+fn moved_by_term(state: Solved<'_>, displacements: &[usize]) -> Vec<Option<f64>> {
+    let system = state.system;
+    let sizes = system.largest_of_alike(state.u);
+    let mut moves = vec![false; system.terms.len() * sizes.len()];
+    for (term, moves) in system.terms.iter().zip(moves.chunks_exact_mut(sizes.len().max(1))) {
+        term.dofs().into_iter().for_each(|dof| moves[system.body_of(dof as usize)] = true);
+    }
+    let of_body = |body: usize| if displacements.contains(&system.field_of_body(body)) { sizes[body] } else { 0.0 };
+    let of_term = |moves: &[bool]| largest((0..sizes.len()).filter(|body| moves[*body]).map(of_body));
+    let mut moved: Vec<f64> = moves.chunks_exact(sizes.len().max(1)).map(of_term).collect();
+    system.team().max(&mut moved);
+    let least = UNMOVED * system.extent();
+    moved.into_iter().map(|moved| (moved > 0.0 && moved > least).then_some(moved)).collect()
+}
+
+/// The conditions of contact at a state with these largest displacements by term, zones that cover no face, and pressures that
 /// alternate.
-fn of_contact(state: Solved<'_>, largest: f64, look: Look) -> Conditions {
+fn of_contact(state: Solved<'_>, moved: &[Option<f64>], look: Look) -> Conditions {
     let mut found = Conditions::default();
-    for (term, gaps) in contact_gaps(state.system, state.contact, state.u, largest, look) {
+    for (term, largest, gaps) in contact_gaps(state.system, state.contact, state.u, moved, look) {
         if gaps.pressed.are_too_large() {
             found.narrow.push(NarrowZone { term: term.to_owned(), faces: gaps.pressed });
         }
@@ -422,7 +437,7 @@ fn of_contact(state: Solved<'_>, largest: f64, look: Look) -> Conditions {
     found
 }
 
-/// Lengths that should be zero, in parts of the largest displacement.
+/// Lengths that should be zero, in parts of the largest displacement of the bodies of the term.
 fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, largest: f64) {
     let [overlaps, slips] = gaps.strained;
     let mut add = |what: &str, length: f64, strained: f64, detail: String| {

@@ -57,18 +57,19 @@ impl Response {
         let by_field = self.by_field.as_ref()?;
         let uncertainty = system.rounding(u, residual, tangent);
         let quotient = |d: usize| (uncertainty[d] + residual.values[d].abs()) / self.sizes[d];
-        let of_field = |field: usize| {
-            let rows = system.range(field).unwrap_or_default();
-            largest(rows.filter(|d| self.sizes[*d] > 0.0).map(quotient))
-        };
-        let mut quotients: Vec<f64> = by_field.iter().map(|(field, _)| of_field(*field)).collect();
+        let of_body = |body: usize| largest(system.dofs_of_body(body).filter(|d| self.sizes[*d] > 0.0).map(quotient));
+        let mut quotients: Vec<f64> = (0..system.n_bodies()).map(of_body).collect();
         system.team().max(&mut quotients);
         let mut error = vec![0.0; u.len()];
-        for (quotient, (_, solution)) in quotients.iter().zip(by_field) {
-            error.iter_mut().zip(solution).for_each(|(sum, x)| *sum += quotient * x.abs());
+        for (field, solution) in by_field {
+            // what is uncertain in one body changes none that nothing connects with it
+            let on = |body: usize| largest(system.bodies_beside(body, *field).map(|beside| quotients[beside]));
+            let on: Vec<f64> = (0..system.n_bodies()).map(on).collect();
+            let all = error.iter_mut().zip(solution).enumerate();
+            all.for_each(|(dof, (sum, x))| *sum += on[system.body_of(dof)] * x.abs());
         }
         let worst = system.relative_sizes(u, &error).into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
-        worst.map(|(field, error)| Accuracy { error, field: system.fields[field].name.clone() })
+        worst.map(|(body, error)| Accuracy { error, field: system.fields[system.field_of_body(body)].name.clone() })
     }
 }
 

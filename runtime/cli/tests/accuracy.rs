@@ -1,13 +1,11 @@
 //! `wfl run --accuracy`: errors against exact solutions and finer runs, demands that cannot be met, wrong values.
 
-mod common;
-
 use std::{
     path::{Path, PathBuf},
     process::{Command, Output},
 };
 
-use common::exact_norms;
+use crate::common::exact_norms;
 use serde_json::Value;
 
 fn examples() -> PathBuf {

@@ -2,15 +2,13 @@
 //! that counts as reached. Counts are printed:
 //!
 //! ```text
-//! WFL_CAMPAIGN=400 cargo test --release -p wfl-cli --test accuracy_campaign -- --nocapture
+//! WFL_CAMPAIGN=400 cargo test --release -p wfl-cli --test command accuracy_campaign:: -- --nocapture
 //! ```
 //!
 //! Solutions are one or two Gaussians of anisotropic width (0.05 to 0.5) on the unit square beside a smooth part, on 2 to 4
 //! cells a side, quadrilaterals or triangles, with a constant or variable coefficient. Quantities: flux through a side, value
 //! at a point, mean on a side, integral over a half, energy, largest value, L2, H1. Right values are integrals with 128^2
 //! Gauss points. Scenes are pure functions of their numbers.
-
-mod common;
 
 use std::{fs, path::Path, process::Command};
 
@@ -177,7 +175,7 @@ fn one(scene: &Scene, demanded: f64, quantity: &str, folder: &Path) -> (i32, f64
 #[test]
 #[expect(clippy::print_stdout, reason = "a campaign prints its counts")]
 fn a_demand_that_counts_as_reached_is_met_on_random_smooth_scenes() {
-    let folder = common::Folder::new("accuracy-campaign");
+    let folder = crate::common::Folder::new("accuracy-campaign");
     let n = std::env::var("WFL_CAMPAIGN").ok().and_then(|n| n.parse().ok());
     let n: usize = n.unwrap_or(if cfg!(debug_assertions) { FEW } else { MANY });
     let mut random = Random(20_261_125);
@@ -188,7 +186,7 @@ fn a_demand_that_counts_as_reached_is_met_on_random_smooth_scenes() {
             (k, scene, quantity, random.of(&[0.1, 0.03, 0.01, 3e-3, 1e-3]))
         })
         .collect();
-    let ended = common::side_by_side(&cases, |(k, scene, quantity, demanded)| {
+    let ended = crate::common::side_by_side(&cases, |(k, scene, quantity, demanded)| {
         let own = folder.0.join(k.to_string());
         fs::create_dir_all(&own).expect("a folder");
         one(scene, *demanded, quantity, &own)

@@ -1,13 +1,11 @@
 //! The program as it is called: what it prints, where, and its exit codes.
 
-mod common;
-
 use std::{
     path::Path,
     process::{Command, Output, Stdio},
 };
 
-use common::Folder;
+use crate::common::Folder;
 use serde_json::Value;
 
 /// A body pulled at one end, with closed forms: u = 2x/100 at x = 1 is 0.02.

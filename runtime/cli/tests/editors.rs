@@ -1,13 +1,11 @@
 //! `wfl lsp`, `wfl completions` and `wfl man`: there with the feature `lsp`, and a line how to get them without it.
 
-mod common;
-
 use std::{
     io::{Read as _, Write as _},
     process::{Output, Stdio},
 };
 
-use common::Folder;
+use crate::common::Folder;
 
 fn told(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()

@@ -1,14 +1,12 @@
 //! The results folder: one writer, one run, nothing of anybody else's touched, nothing damaged taken for a result.
 
-mod common;
-
 use std::{
     collections::BTreeMap,
     fs,
     process::{Command, Output},
 };
 
-use common::Folder;
+use crate::common::Folder;
 
 /// A bar of modulus k*E with k from a table, on a mesh of a file, that cannot be solved at t = 3 while `late` is 1.
 const BAR: &str = "wfl 1
@@ -52,7 +50,7 @@ impl Folder {
     }
 
     /// `wfl run bar.wfl --out o` and more.
-    fn run(&self, more: &[&str]) -> Output {
+    fn run_bar(&self, more: &[&str]) -> Output {
         self.run_in("o", more)
     }
 
@@ -107,12 +105,12 @@ fn resume_names_the_input_that_differs() {
         let folder = Folder::with_bar(&format!("identity{late}"));
         let given: &[&str] = if late { &["late=1"] } else { &[] };
         // one run that ended early, and one that is finished
-        assert_eq!(folder.run(given).status.code(), Some(i32::from(late)), "{}", said(&folder.run(given)));
+        assert_eq!(folder.run_bar(given).status.code(), Some(i32::from(late)), "{}", said(&folder.run_bar(given)));
         let before = folder.files("o");
         for (file, from, to) in CHANGES {
             folder.edit(file, from, to);
             let words = format!("`o` holds results of another content of `{file}`");
-            refused(&folder.run(&[given, &["--resume"]].concat()), "E714", &[&words]);
+            refused(&folder.run_bar(&[given, &["--resume"]].concat()), "E714", &[&words]);
             folder.edit(file, to, from);
         }
         for (more, words) in [
@@ -123,11 +121,11 @@ fn resume_names_the_input_that_differs() {
             ("tol=1e-9", "no value of the setting `tol`"),
             ("--no-prune=constant", "no value of the setting `no_prune`"),
         ] {
-            refused(&folder.run(&[given, &["--resume", more]].concat()), "E714", &[words]);
+            refused(&folder.run_bar(&[given, &["--resume", more]].concat()), "E714", &[words]);
         }
         assert_eq!(folder.files("o"), before, "a refusal changes nothing");
         // a value that is given and is that of the scene changes nothing; threads never do
-        let again = folder.run(&[given, &["--resume", "gamma=10", "--threads", "3"]].concat());
+        let again = folder.run_bar(&[given, &["--resume", "gamma=10", "--threads", "3"]].concat());
         assert!(!said(&again).contains("E714"), "{}", said(&again));
     }
 }
@@ -135,9 +133,9 @@ fn resume_names_the_input_that_differs() {
 #[test]
 fn a_finished_run_is_not_made_again() {
     let folder = Folder::with_bar("finished");
-    assert!(folder.run(&[]).status.success());
+    assert!(folder.run_bar(&[]).status.success());
     let before = folder.files("o");
-    let again = folder.run(&["--resume"]);
+    let again = folder.run_bar(&["--resume"]);
     assert!(again.status.success(), "{}", said(&again));
     let told = String::from_utf8_lossy(&again.stdout).into_owned();
     assert!(told.contains("o: the run is finished; its 3 steps and files are complete"), "{told}");
@@ -147,8 +145,8 @@ fn a_finished_run_is_not_made_again() {
     assert_eq!(folder.results("p"), folder.results("o"));
     // an expectation that does not hold is told again
     folder.edit("bar.wfl", "output vtk", "expect end < 0\noutput vtk");
-    assert_eq!(folder.run(&[]).status.code(), Some(3));
-    let again = folder.run(&["--resume"]);
+    assert_eq!(folder.run_bar(&[]).status.code(), Some(3));
+    let again = folder.run_bar(&["--resume"]);
     assert_eq!(again.status.code(), Some(3));
     assert!(said(&again).contains("error[E604]") && said(&again).contains("end < 0"), "{}", said(&again));
 }
@@ -166,7 +164,7 @@ fn damages(bytes: &[u8], other: &[u8], at: usize) -> Vec<Vec<u8>> {
 fn what_is_damaged_is_never_gone_on_from() {
     for (late, then) in [("late=0", 0), ("late=1", 1)] {
         let folder = Folder::with_bar(&format!("damage{then}"));
-        assert_eq!(folder.run(&[late]).status.code(), Some(then));
+        assert_eq!(folder.run_bar(&[late]).status.code(), Some(then));
         let whole = folder.files("o");
         let expected = folder.results("o");
         let other: Vec<Vec<u8>> = whole.values().cycle().skip(1).take(whole.len()).cloned().collect();
@@ -177,7 +175,7 @@ fn what_is_damaged_is_never_gone_on_from() {
             let few = |k: usize| !cfg!(debug_assertions) || k % 2 == n_files % 2;
             for (k, damaged) in damages(bytes, other, at).into_iter().enumerate().filter(|(k, _)| few(*k)) {
                 folder.write(&format!("o/{name}"), &damaged);
-                let ran = folder.run(&[late, "--resume"]);
+                let ran = folder.run_bar(&[late, "--resume"]);
                 let text = said(&ran);
                 if text.contains("E715") || text.contains("E712") {
                     n_refused += 1;
@@ -199,14 +197,14 @@ fn what_is_damaged_is_never_gone_on_from() {
         // what is missing is named, too
         for name in ["line_0000.csv", "bar_0000.vtu"] {
             fs::remove_file(folder.0.join("o").join(name)).expect("our own file");
-            refused(&folder.run(&[late, "--resume"]), "E715", &[name, "is missing"]);
+            refused(&folder.run_bar(&[late, "--resume"]), "E715", &[name, "is missing"]);
             folder.write(&format!("o/{name}"), &whole[name]);
         }
         // without --resume the run starts from the beginning whatever is there, but for a manifest that is none
         folder.write("o/line_0001.csv", "x");
         folder.write("o/checkpoint.wflc", "x");
         if then == 1 {
-            assert_eq!(folder.run(&[late]).status.code(), Some(1));
+            assert_eq!(folder.run_bar(&[late]).status.code(), Some(1));
             assert_eq!(folder.results("o"), expected);
         }
     }
@@ -219,14 +217,14 @@ fn files_of_others_are_left_alone_and_named_before_anything_is_computed() {
         let _ = fs::remove_dir_all(folder.0.join("o"));
         fs::create_dir(folder.0.join("o")).expect("a folder");
         folder.write(&format!("o/{name}"), "mine");
-        let ran = folder.run(&["-v"]);
+        let ran = folder.run_bar(&["-v"]);
         refused(&ran, "E712", &[&format!("`o/{name}`")]);
         assert!(!String::from_utf8_lossy(&ran.stdout).contains("step"), "nothing is computed");
         assert_eq!(folder.files("o"), BTreeMap::from([(name.to_owned(), b"mine".to_vec())]));
     }
     // also before runs that are made for another one
     for more in [&["--savings"][..], &["--accuracy", "0.5", "--of", "end"]] {
-        refused(&folder.run(more), "E712", &["`o/manifest.json`"]);
+        refused(&folder.run_bar(more), "E712", &["`o/manifest.json`"]);
     }
     // names that the run does not use are nobody's business, also where they look like steps
     let _ = fs::remove_dir_all(folder.0.join("o"));
@@ -234,9 +232,9 @@ fn files_of_others_are_left_alone_and_named_before_anything_is_computed() {
     for name in ["line_0050.csv", "notes.txt", ".wfl-notes.tmp"] {
         folder.write(&format!("o/{name}"), "mine");
     }
-    assert!(folder.run(&[]).status.success());
+    assert!(folder.run_bar(&[]).status.success());
     folder.edit("bar.wfl", "1 to 3", "1 to 2");
-    assert!(folder.run(&[]).status.success());
+    assert!(folder.run_bar(&[]).status.success());
     let files = folder.files("o");
     for name in ["line_0050.csv", "notes.txt", ".wfl-notes.tmp"] {
         assert_eq!(files[name], b"mine", "{name}");
@@ -260,7 +258,7 @@ fn a_run_does_not_replace_what_it_reads() {
 fn links_in_a_results_folder_are_not_followed() {
     let folder = Folder::with_bar("links");
     folder.write("victim", "mine");
-    assert_eq!(folder.run(&["late=1"]).status.code(), Some(1));
+    assert_eq!(folder.run_bar(&["late=1"]).status.code(), Some(1));
     let names: Vec<String> = folder.files("o").into_keys().chain([".wfl-lock".to_owned()]).collect();
     for name in names {
         let place = folder.0.join("o").join(&name);
@@ -268,7 +266,7 @@ fn links_in_a_results_folder_are_not_followed() {
         let _ = fs::remove_file(&place);
         std::os::unix::fs::symlink(folder.0.join("victim"), &place).expect("a link");
         for more in [&["late=1"][..], &["late=1", "--resume"]] {
-            let ran = folder.run(more);
+            let ran = folder.run_bar(more);
             let text = said(&ran);
             assert_eq!(ran.status.code(), Some(1), "{name}: {text}");
             assert!(text.contains("E712") || text.contains("E715"), "{name}: {text}");
@@ -280,7 +278,7 @@ fn links_in_a_results_folder_are_not_followed() {
         }
     }
     // plots of a report
-    assert!(folder.run(&[]).status.success());
+    assert!(folder.run_bar(&[]).status.success());
     fs::create_dir(folder.0.join("elsewhere")).expect("a folder");
     std::os::unix::fs::symlink(folder.0.join("elsewhere"), folder.0.join("o/plots")).expect("a link");
     refused(&folder.wfl(&["report", "o", "--plots"]), "E712", &["o/plots", "a link"]);
@@ -295,14 +293,14 @@ fn links_in_a_results_folder_are_not_followed() {
 #[test]
 fn a_second_writer_is_refused_and_a_dead_one_is_taken_over() {
     let folder = Folder::with_bar("lock");
-    assert!(folder.run(&[]).status.success());
+    assert!(folder.run_bar(&[]).status.success());
     let before = folder.files("o");
     folder.write("o/.wfl-lock", "process 1\n");
     let lock = fs::OpenOptions::new().write(true).open(folder.0.join("o/.wfl-lock")).expect("a lock");
     lock.lock().expect("locked");
     let words = ["`o` is being written to by process 1"];
-    refused(&folder.run(&[]), "E711", &words);
-    refused(&folder.run(&["--resume"]), "E711", &words);
+    refused(&folder.run_bar(&[]), "E711", &words);
+    refused(&folder.run_bar(&["--resume"]), "E711", &words);
     refused(&folder.wfl(&["report", "o"]), "E711", &words);
     refused(&folder.wfl(&["sweep", "bar.wfl", "gamma=1", "--reference", "none", "--out", "o"]), "E711", &words);
     drop(lock);
@@ -310,7 +308,7 @@ fn a_second_writer_is_refused_and_a_dead_one_is_taken_over() {
     assert_eq!(after.remove(".wfl-lock").as_deref(), Some(&b"process 1\n"[..]));
     assert_eq!(after, before);
     // its process has ended
-    assert!(folder.run(&[]).status.success());
+    assert!(folder.run_bar(&[]).status.success());
     assert!(!folder.files("o").contains_key(".wfl-lock"));
 }
 
@@ -319,10 +317,10 @@ fn a_second_writer_is_refused_and_a_dead_one_is_taken_over() {
 #[test]
 fn a_run_killed_over_a_finished_one_is_not_shown_with_its_numbers() {
     let folder = Folder::with_bar("over");
-    assert!(folder.run(&[]).status.success());
+    assert!(folder.run_bar(&[]).status.success());
     let finished = folder.files("o");
     // another run ends early and leaves results of two runs; as if it had been killed before its report
-    assert_eq!(folder.run(&["gamma=20", "late=1"]).status.code(), Some(1));
+    assert_eq!(folder.run_bar(&["gamma=20", "late=1"]).status.code(), Some(1));
     let mut both = folder.files("o");
     let manifest = String::from_utf8(both.remove("manifest.json").expect("a manifest")).expect("text");
     assert!(manifest.contains("\"state\":\"stopped\"") && manifest.contains("\"name\":\"bar_0002.vtu\""), "{manifest}");
@@ -330,9 +328,9 @@ fn a_run_killed_over_a_finished_one_is_not_shown_with_its_numbers() {
     let page = folder.wfl(&["report", "o"]);
     assert!(page.status.success(), "{}", said(&page));
     // the run before does not go on from them
-    refused(&folder.run(&["--resume"]), "E714", &["another value of the parameter"]);
+    refused(&folder.run_bar(&["--resume"]), "E714", &["another value of the parameter"]);
     // finished again, the page about another run is gone, and what is left is what a new folder would have
-    assert!(folder.run(&[]).status.success());
+    assert!(folder.run_bar(&[]).status.success());
     let names = |files: &BTreeMap<String, Vec<u8>>| files.keys().cloned().collect::<Vec<_>>();
     assert_eq!(names(&folder.files("o")), names(&finished));
     assert_eq!(folder.results("o")["bar_0001.vtu"], finished["bar_0001.vtu"]);
@@ -341,7 +339,7 @@ fn a_run_killed_over_a_finished_one_is_not_shown_with_its_numbers() {
 #[test]
 fn a_report_shows_files_of_its_run_only() {
     let folder = Folder::with_bar("doctored");
-    assert!(folder.run(&[]).status.success());
+    assert!(folder.run_bar(&[]).status.success());
     folder.write("secret.csv", "s,x,y,u\n0,0,0,1\n");
     let json = fs::read_to_string(folder.0.join("o/report.json")).expect("a report");
     for name in ["../secret.csv", "/etc/passwd.csv", "..\\\\secret.csv", "notes.csv", "line_0007.csv"] {
@@ -494,7 +492,7 @@ fn a_full_disc_costs_nothing_that_was_done() {
             "{blocks}: {:?}",
             folder.files("o").keys()
         );
-        let again = folder.run(&["--resume"]);
+        let again = folder.run_bar(&["--resume"]);
         assert!(again.status.success(), "{blocks}: {}", said(&again));
         assert!(folder.results("o") == expected, "{blocks} blocks: other results");
     }
@@ -527,7 +525,7 @@ fn an_interrupt_tidies_up_and_says_how_to_go_on() {
         let left: Vec<String> = folder.files("o").into_keys().filter(|n| n.starts_with(".wfl-")).collect();
         assert!(left.len() <= 1 && !left.contains(&".wfl-lock".to_owned()), "{left:?}");
     }
-    let again = folder.run(&["--resume"]);
+    let again = folder.run_bar(&["--resume"]);
     assert!(again.status.success(), "{}", said(&again));
     assert!(folder.run_in("whole", &[]).status.success());
     assert!(folder.results("o") == folder.results("whole"));

@@ -1,8 +1,6 @@
 //! `wfl run --gradient` and `wfl verify --gradient`: what is written, told and refused.
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 use serde_json::Value;
 
 /// A creeping bar that is pulled: a state, and steps that the run chooses.

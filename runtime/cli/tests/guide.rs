@@ -4,9 +4,7 @@
 //! lines replaced one by one, and further new ones at its end. In a block "```console" each line after `$ ` is a command
 //! that must succeed, and the lines below it are in what it prints.
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 
 /// Pages with snippets.
 const PAGES: [&str; 15] = [

@@ -2,15 +2,13 @@
 //! than a cell, mixed, nonlinear and time-dependent ones, in one to three dimensions, on all cell kinds. The true errors are
 //! integrals against the solution that the scenes write themselves, or a closed form.
 
-mod common;
-
 use std::{
     f64::consts::PI,
     path::{Path, PathBuf},
     process::Command,
 };
 
-use common::side_by_side;
+use crate::common::side_by_side;
 use serde_json::Value;
 
 /// What is known of a scene.
@@ -60,6 +58,7 @@ fn known() -> Vec<Known> {
         mean("heat"),
         mean("two_materials"),
         mean("stokes"),
+        mean("units"),
         value("corner", corner, true),
         value("corner_quadrilaterals", corner, true),
         // energy of r^(1/2) sin(phi/2) on two unit squares: the integral of 1/(4 r)

@@ -1,11 +1,9 @@
 //! The limit of memory, and files that have no end: refused with what they are and what they need, before anything is
 //! taken.
 
-mod common;
-
 use std::process::Command;
 
-use common::Folder;
+use crate::common::Folder;
 
 impl Folder {
     /// Standard error of a command that must end with exit code 1.

@@ -1,10 +1,8 @@
 //! `wfl mesh` and `mesh file` with several files, as a user meets them.
 
-mod common;
-
 use std::process::Output;
 
-use common::Folder;
+use crate::common::Folder;
 
 /// Two blocks of side 1, one on the other, with a contact pair.
 const DECK: &str = "*NODE, NSET=all nodes

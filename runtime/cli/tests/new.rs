@@ -1,10 +1,8 @@
 //! `wfl new`: every scene to start from is written once, runs as it is, and is in canonical form.
 
-mod common;
-
 use std::process::Output;
 
-use common::Folder;
+use crate::common::Folder;
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("UTF-8 output")

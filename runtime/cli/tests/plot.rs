@@ -1,10 +1,8 @@
 //! `wfl plot` as a user meets it: colours, places and factors of pictures against closed forms, and what is refused.
 
-mod common;
-
 use std::process::Output;
 
-use common::Folder;
+use crate::common::Folder;
 
 /// A bar of 2 x 1 mm without lateral strain, stretched by t per length: u = (t x, 0), stress xx = 100 t.
 const STRETCHED: &str = "wfl 1
@@ -66,7 +64,7 @@ output vtk \"fields\" : uL, uR, force as traction
 ";
 
 impl Folder {
-    fn run(&self, text: &str) {
+    fn run_scene(&self, text: &str) {
         self.write("s.wfl", text);
         let done = self.wfl(&["run", "s.wfl", "--out", "o"]);
         assert!(done.status.success(), "{}", stderr(&done));
@@ -83,7 +81,7 @@ impl Folder {
         std::fs::read_to_string(self.0.join("p.svg")).expect("a picture")
     }
 
-    fn refused(&self, more: &[&str], words: &[&str]) {
+    fn refuses_plot(&self, more: &[&str], words: &[&str]) {
         let done = self.plot(more);
         let text = stderr(&done);
         assert_eq!(done.status.code(), Some(1), "{more:?}: {text}");
@@ -117,7 +115,7 @@ const ENDS: [[i32; 3]; 3] = [[0x44, 0x01, 0x54], [0x21, 0x91, 0x8c], [0xfd, 0xe7
 #[test]
 fn a_linear_displacement_has_the_colours_of_its_values_at_known_places() {
     let folder = Folder::new("plot_colours");
-    folder.run(STRETCHED);
+    folder.run_scene(STRETCHED);
     let done = folder.plot(&["--field", "u:x", "--warp", "0", "--no-mesh", "--png", "p.png"]);
     assert_eq!(String::from_utf8_lossy(&done.stdout).trim(), "p.png", "{}", stderr(&done));
     let rows = pixels(&folder.0.join("p.png"));
@@ -147,7 +145,7 @@ fn a_linear_displacement_has_the_colours_of_its_values_at_known_places() {
 #[test]
 fn a_factor_is_found_told_and_used() {
     let folder = Folder::new("plot_factor");
-    folder.run(STRETCHED);
+    folder.run_scene(STRETCHED);
     // the largest displacement is 0.004 of 2 mm: 50 times that is a tenth
     let svg = folder.svg(&[]);
     for words in ["s: |u|", "t = 2, displacements × 50", ">x</text>", "|u| [mm]"] {
@@ -165,7 +163,7 @@ fn a_factor_is_found_told_and_used() {
 #[test]
 fn a_plane_through_a_box_is_its_section_and_a_line_has_its_values() {
     let folder = Folder::new("plot_cuts");
-    folder.run(SOLID);
+    folder.run_scene(SOLID);
     let svg = folder.svg(&["--field", "u:x", "--slice", "z=0.5", "--warp", "0"]);
     assert!(svg.contains("z = 0.5, not deformed") && svg.contains("x [mm]") && svg.contains("y [mm]"));
     // the section of 2 x 1: its rim has a length of 2 (2 + 1) sides of cells, drawn as 8 parts
@@ -177,14 +175,14 @@ fn a_plane_through_a_box_is_its_section_and_a_line_has_its_values() {
     // uniaxial: von Mises is the stress itself, 100 * 0.001
     let svg = folder.svg(&["--field", "stress", "--line", "0,0.5,0.5:2,0.5,0.5"]);
     assert!(svg.contains("stress von Mises [MPa] = 0.1"), "{svg}");
-    folder.refused(&["--slice", "x=5"], &["the plane x = 5 lies outside", "x = 0 to 2"]);
-    folder.refused(&["--line", "0,3,0:2,3,0"], &["lies outside", "y = 0 to 1"]);
+    folder.refuses_plot(&["--slice", "x=5"], &["the plane x = 5 lies outside", "x = 0 to 2"]);
+    folder.refuses_plot(&["--line", "0,3,0:2,3,0"], &["lies outside", "y = 0 to 1"]);
 }
 
 #[test]
 fn a_solid_body_is_seen_from_the_place_that_is_given() {
     let folder = Folder::new("plot_views");
-    folder.run(SOLID);
+    folder.run_scene(SOLID);
     // three sides of a box are seen from a corner, each of 4 faces; one from the front
     let faces = |more: &[&str]| {
         let svg = folder.svg(&[&["--field", "stress:xx", "--warp", "0"], more].concat());
@@ -198,16 +196,16 @@ fn a_solid_body_is_seen_from_the_place_that_is_given() {
 #[test]
 fn fields_of_an_interface_are_drawn_along_it() {
     let folder = Folder::new("plot_interface");
-    folder.run(PRESSED);
+    folder.run_scene(PRESSED);
     // the traction is t
     let svg = folder.svg(&["--field", "traction:across"]);
     assert!(svg.contains("traction across") && svg.contains(" = 5"), "{svg}");
     let svg = folder.svg(&["--field", "state"]);
     assert!(svg.contains("contact over t") && svg.contains("<title>t = 5"), "{svg}");
-    folder.refused(&["--field", "traction:xy"], &["no part `xy`", "traction:across"]);
-    folder.refused(&["--field", "state", "--slice", "x=1"], &["lives on an interface"]);
+    folder.refuses_plot(&["--field", "traction:xy"], &["no part `xy`", "traction:across"]);
+    folder.refuses_plot(&["--field", "state", "--slice", "x=1"], &["lives on an interface"]);
     // few steps: a strip of three facets
-    folder.run(&PRESSED.replace("steps t = 1 to 5 by 1", "steps t = 1 to 2 by 1"));
+    folder.run_scene(&PRESSED.replace("steps t = 1 to 5 by 1", "steps t = 1 to 2 by 1"));
     let svg = folder.svg(&["--field", "state"]);
     assert!(svg.contains("contact, t = 2") && svg.matches("\nstick</title>").count() == 3, "{svg}");
     // both bodies under one name
@@ -218,7 +216,7 @@ fn fields_of_an_interface_are_drawn_along_it() {
 #[test]
 fn a_bar_has_its_values_over_the_coordinate() {
     let folder = Folder::new("plot_bar");
-    folder.run(
+    folder.run_scene(
         "wfl 1\nmesh box [0] to [2] cells [4] segment\nregion west = faces where x == 0\nregion east = faces where x == 2\n\
          unknown u : scalar\nterm flow on all : Grad_u.Grad_Test_u\nfix u = 1 on west\nfix u = 5 on east\n\
          output vtk \"bar\" : u\n",
@@ -233,7 +231,7 @@ fn a_bar_has_its_values_over_the_coordinate() {
 #[test]
 fn pictures_of_all_steps_share_their_colours() {
     let folder = Folder::new("plot_steps");
-    folder.run(STRETCHED);
+    folder.run_scene(STRETCHED);
     let done = folder.plot(&["--field", "stress:xx", "--step", "all", "--svg", "p.svg"]);
     let files = String::from_utf8_lossy(&done.stdout).into_owned();
     assert_eq!(
@@ -252,18 +250,18 @@ fn pictures_of_all_steps_share_their_colours() {
 #[test]
 fn what_cannot_be_drawn_is_refused_with_what_there_is() {
     let folder = Folder::new("plot_refused");
-    folder.refused(&[], &["there is no folder `o`"]);
-    folder.run(STRETCHED);
-    folder.refused(&["--field", "nope"], &["no field `nope`", "there is stress, u"]);
-    folder.refused(&["--field", "u:xx"], &["no part `xx`", "u:magnitude, u:x"]);
-    folder.refused(&["--step", "7"], &["no fields of step 7", "steps 0 to 1"]);
-    folder.refused(&["--step", "soon"], &["`last`, `all` or numbers of steps"]);
-    folder.refused(&["--slice", "q=1"], &["`x=`, `y=` or `z=`"]);
-    folder.refused(&["--range", "2,1"], &["the smaller one first"]);
-    folder.refused(&["--png", "p.svg"], &["p.svg is no name of a .png file", "--png p.png"]);
+    folder.refuses_plot(&[], &["there is no folder `o`"]);
+    folder.run_scene(STRETCHED);
+    folder.refuses_plot(&["--field", "nope"], &["no field `nope`", "there is stress, u"]);
+    folder.refuses_plot(&["--field", "u:xx"], &["no part `xx`", "u:magnitude, u:x"]);
+    folder.refuses_plot(&["--step", "7"], &["no fields of step 7", "steps 0 to 1"]);
+    folder.refuses_plot(&["--step", "soon"], &["`last`, `all` or numbers of steps"]);
+    folder.refuses_plot(&["--slice", "q=1"], &["`x=`, `y=` or `z=`"]);
+    folder.refuses_plot(&["--range", "2,1"], &["the smaller one first"]);
+    folder.refuses_plot(&["--png", "p.svg"], &["p.svg is no name of a .png file", "--png p.png"]);
     // a file that is no picture stays
     folder.write("data.png", "my numbers");
-    folder.refused(&["--png", "data.png"], &["is no picture", "another file"]);
+    folder.refuses_plot(&["--png", "data.png"], &["is no picture", "another file"]);
     assert_eq!(std::fs::read_to_string(folder.0.join("data.png")).unwrap(), "my numbers");
     // a picture is replaced, and the same call gives the same bytes
     let made = || {
@@ -271,8 +269,8 @@ fn what_cannot_be_drawn_is_refused_with_what_there_is() {
         std::fs::read(folder.0.join("p.png")).unwrap()
     };
     assert_eq!(made(), made());
-    folder.run(&STRETCHED.replace("output vtk \"bar\" : u, E*Sym(Grad_u) as stress", ""));
-    folder.refused(&[], &["wrote no fields", "output vtk"]);
+    folder.run_scene(&STRETCHED.replace("output vtk \"bar\" : u, E*Sym(Grad_u) as stress", ""));
+    folder.refuses_plot(&[], &["wrote no fields", "output vtk"]);
 }
 
 /// A bar that is stretched in ten steps by a stiffness that is a parameter.
@@ -307,7 +305,7 @@ impl Folder {
         String::from_utf8_lossy(&done.stdout).into_owned()
     }
 
-    fn told(&self, words: &[&str]) -> String {
+    fn plot_told(&self, words: &[&str]) -> String {
         let done = self.wfl(words);
         assert_eq!(done.status.code(), Some(1), "{words:?}");
         stderr(&done)
@@ -334,14 +332,14 @@ fn measures_over_measures_are_curves_of_several_runs() {
     }
     folder.said(&["plot", "soft", "--over", "F:t"]);
     assert!(folder.0.join("F_over_t.png").exists());
-    let told = folder.told(&["plot", "soft", "--over", "q:d"]);
+    let told = folder.plot_told(&["plot", "soft", "--over", "q:d"]);
     assert!(told.contains("no measure `q`") && told.contains("there is F, d, t"), "{told}");
     folder.write("words.csv", "d,F\n0.01,much\n");
-    let told = folder.told(&["plot", "soft", "--over", "F:d", "--with", "words.csv"]);
+    let told = folder.plot_told(&["plot", "soft", "--over", "F:d", "--with", "words.csv"]);
     assert!(told.contains("`words.csv` is no table: line 2") && !told.contains("run the scene again"), "{told}");
-    let told = folder.told(&["plot", "soft", "./soft", "--over", "F:d"]);
+    let told = folder.plot_told(&["plot", "soft", "./soft", "--over", "F:d"]);
     assert!(told.contains("./soft is named twice"), "{told}");
-    let told = folder.told(&["plot", "soft", "--over", "F:d", "--with", "none.csv"]);
+    let told = folder.plot_told(&["plot", "soft", "--over", "F:d", "--with", "none.csv"]);
     assert!(told.contains("none.csv"), "{told}");
 }
 
@@ -359,10 +357,10 @@ fn of_two_runs_the_difference_is_drawn_or_both_along_a_line() {
     let text = LOOP.replace("cells [4,2]", "cells [5,2]");
     folder.write("finer.wfl", text);
     assert!(folder.wfl(&["run", "finer.wfl", "--out", "c"]).status.success());
-    let told = folder.told(&["plot", "a", "c", "--field", "u:x"]);
+    let told = folder.plot_told(&["plot", "a", "c", "--field", "u:x"]);
     assert!(told.contains("no mesh in common") && told.contains("--line"), "{told}");
     folder.said(&["plot", "a", "c", "--field", "u:x", "--line", "0,0.5:2,0.5", "--svg", "l.svg"]);
-    let told = folder.told(&["plot", "a", "b", "c"]);
+    let told = folder.plot_told(&["plot", "a", "b", "c"]);
     assert!(told.contains("3 folders") && told.contains("--over"), "{told}");
 }
 
@@ -376,11 +374,11 @@ fn a_film_has_a_picture_of_each_step() {
     // a graphic control block a frame, with the delay in hundredths of a second
     let frames = bytes.windows(6).filter(|w| w[..3] == [0x21, 0xf9, 4] && w[4..6] == [10, 0]).count();
     assert_eq!(frames, 4);
-    let told = folder.told(&["plot", "a", "--film", "bar.avi"]);
+    let told = folder.plot_told(&["plot", "a", "--film", "bar.avi"]);
     assert!(told.contains("bar.gif"), "{told}");
     folder.write("one.wfl", LOOP.replace("steps t = 1 to 4 by 1", "steps t = 1 to 1 by 1"));
     assert!(folder.wfl(&["run", "one.wfl", "--out", "one"]).status.success());
-    let told = folder.told(&["plot", "one", "--film", "one.gif"]);
+    let told = folder.plot_told(&["plot", "one", "--film", "one.gif"]);
     assert!(told.contains("one picture"), "{told}");
 }
 

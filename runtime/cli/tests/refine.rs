@@ -1,8 +1,6 @@
 //! What the command says and does about `refine`.
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 
 /// A linear solution, which every mesh holds.
 fn scene(mesh: &str, refine: &str) -> String {

@@ -1,10 +1,8 @@
 //! `wfl report` as a user meets it: what the page shows against closed forms, and folders that hold no whole run.
 
-mod common;
-
 use std::process::Output;
 
-use common::Folder;
+use crate::common::Folder;
 
 /// Two bars with E = 1, nu = 0 pressed together by the traction t against a penalty of 10 per area: the traction across
 /// the fault is t, the gap -t/10, and nothing slips.
@@ -37,7 +35,7 @@ output csv \"line\" : uL along [0,0.5] to [1,0.5] with points=5
 ";
 
 impl Folder {
-    fn run(&self, text: &str, more: &[&str]) -> Output {
+    fn run_for_page(&self, text: &str, more: &[&str]) -> Output {
         self.write("s.wfl", text);
         self.wfl(&[&["run", "s.wfl", "--out", "o"], more].concat())
     }
@@ -67,7 +65,7 @@ fn notes(svg: &str) -> Vec<String> {
 #[test]
 fn the_page_shows_the_closed_form_with_units() {
     let folder = Folder::new("closed");
-    let ran = folder.run(PRESSED, &[]);
+    let ran = folder.run_for_page(PRESSED, &[]);
     assert!(ran.status.success(), "{}", stderr(&ran));
     let page = folder.page(&["--plots", "--at", "1,5"]);
     let traction = notes(&folder.read("o/plots/traction_across_over_y.svg"));
@@ -102,9 +100,9 @@ fn the_page_shows_the_closed_form_with_units() {
 #[test]
 fn a_run_that_failed_is_shown_with_its_failure_and_without_older_files() {
     let folder = Folder::new("failed");
-    assert!(folder.run(PRESSED, &[]).status.success());
+    assert!(folder.run_for_page(PRESSED, &[]).status.success());
     // pressed at t = 1 and 2, pulled apart at t = 3: nothing holds the right bar then
-    let failed = folder.run(&PRESSED.replace("[-t,0]*E", "[t-2.5,0]*E"), &[]);
+    let failed = folder.run_for_page(&PRESSED.replace("[-t,0]*E", "[t-2.5,0]*E"), &[]);
     assert_eq!(failed.status.code(), Some(1), "{}", stderr(&failed));
     let page = folder.page(&["--plots"]);
     assert!(page.contains("class=\"failure\" role=\"alert\">The run ended with an error: step 2 (t = 3)"), "{page}");
@@ -129,7 +127,7 @@ fn folders_without_a_whole_run_are_refused_by_name() {
     message(&["nowhere"], "there is no folder `nowhere`");
     std::fs::create_dir(folder.0.join("empty")).expect("a folder");
     message(&["empty"], "`empty` has no report.json: no run has ended in this folder");
-    assert!(folder.run(PRESSED, &[]).status.success());
+    assert!(folder.run_for_page(PRESSED, &[]).status.success());
     let vtu = std::fs::read(folder.0.join("o/fields_0002.vtu")).expect("fields of a step");
     for part in [0, 100, vtu.len() / 2, vtu.len() - 60] {
         folder.write("o/fields_0002.vtu", &vtu[..part]);
@@ -153,7 +151,7 @@ fn folders_without_a_whole_run_are_refused_by_name() {
 fn numbers_that_are_not_finite_are_said() {
     let folder = Folder::new("nan");
     let text = PRESSED.replace("mean(Pn) on fault", "mean(sqrt(2*E - Pn)) on fault");
-    folder.run(&text, &[]);
+    folder.run_for_page(&text, &[]);
     let page = folder.page(&["--plots"]);
     assert!(page.contains("A measure is not a finite number at some step."));
     assert!(folder.read("o/plots/measure_pressure.svg").contains("values are not shown: not finite"));
@@ -166,7 +164,7 @@ fn events_are_listed_and_marked_on_charts_over_the_steps() {
         load u = sin(2*pi*t) on all\nmeasure top = max(u) on all\nevent high = top > 1/2\nevent never = top > 2\n\
         steps t = 0 to 2.25 by 0.01\n";
     let folder = Folder::new("report_events");
-    let done = folder.run(text, &[]);
+    let done = folder.run_for_page(text, &[]);
     assert!(done.status.success(), "{}", stderr(&done));
     let page = folder.page(&["--plots"]);
     let section = page.split_once("<h2>Events</h2>").expect("a section").1;
@@ -178,6 +176,8 @@ fn events_are_listed_and_marked_on_charts_over_the_steps() {
     assert_eq!(svg.matches("class=\"o z\"").count(), 3, "{svg}");
     // a run without events has no such section
     let quiet = Folder::new("report_quiet");
-    assert!(quiet.run(&text.replace("event high = top > 1/2\nevent never = top > 2\n", ""), &[]).status.success());
+    assert!(
+        quiet.run_for_page(&text.replace("event high = top > 1/2\nevent never = top > 2\n", ""), &[]).status.success()
+    );
     assert!(!quiet.page(&[]).contains("Events"));
 }

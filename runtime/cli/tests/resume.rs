@@ -1,7 +1,5 @@
 //! A run that is killed and goes on: at any moment, with the same bytes at the end; and checkpoints that are refused.
 
-mod common;
-
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -9,7 +7,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use common::Folder;
+use crate::common::Folder;
 
 /// The mesh of the fault as the example has it.
 const MESH: &str = "cells [8, 8, 8] hex";

@@ -1,10 +1,8 @@
 //! `wfl run` as a user meets it: files written, exit codes, and one clear message for every kind of wrong input.
 
-mod common;
-
 use std::process::Output;
 
-use common::{Folder, ROUGH_FLOOR};
+use crate::common::{Folder, ROUGH_FLOOR};
 use serde_json::Value;
 
 /// A scene with a closed form: a bar of modulus E, spring gamma at its end, traction t: end = t/(E + gamma).

@@ -1,9 +1,7 @@
 //! A tangent without an inverse, by its cause: for each the smallest scene with the words that name the cause, and a
 //! scene near it that is solved.
 
-mod common;
-
-use common::{Folder, ROUGH_FLOOR};
+use crate::common::{Folder, ROUGH_FLOOR};
 
 /// Exit code and everything that is said.
 fn run(name: &str, text: &str) -> (i32, String) {

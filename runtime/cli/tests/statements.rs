@@ -1,10 +1,8 @@
 //! What a scene states takes part, or is told: for each message one scene where it appears and one near it where not.
 
-mod common;
-
 use std::process::Output;
 
-use common::Folder;
+use crate::common::Folder;
 
 /// A body that is held at its left, in which every statement has something to do.
 const BASE: &str = "\

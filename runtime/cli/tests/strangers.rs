@@ -1,8 +1,6 @@
 //! What a scene of a stranger may read, what a wrong command line is told, and what an import keeps to.
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 
 const SCENE: &str = "\
 mesh box [0,0] to [1,1] cells [2,2] quad
@@ -22,7 +20,7 @@ impl Folder {
     }
 
     /// The exit code and everything printed by `wfl` in the project with this scene.
-    fn told(&self, scene: &str, words: &[&str]) -> (i32, String) {
+    fn stranger_told(&self, scene: &str, words: &[&str]) -> (i32, String) {
         self.write("project/scene.wfl", scene);
         let ran = self.command(words).current_dir(self.0.join("project")).output().expect("the program can be started");
         let text = [ran.stdout, ran.stderr].map(|b| String::from_utf8_lossy(&b).into_owned()).concat();
@@ -46,17 +44,17 @@ fn a_scene_reads_its_own_folder_only() {
         for line in
             [format!("use \"{name}\""), format!("data k : scalar = \"{name}\""), format!("start from \"{name}\"")]
         {
-            let (code, told) = folder.told(&format!("{SCENE}{line}\n"), &["check", "scene.wfl"]);
+            let (code, told) = folder.stranger_told(&format!("{SCENE}{line}\n"), &["check", "scene.wfl"]);
             assert!(code == 1 && told.contains("error[E217]") && told.contains("--allow-read"), "{line}: {told}");
             assert!(!told.contains("secret_word"), "{told}");
         }
     }
     let used = format!("{SCENE}use \"../laws.wfl\"\n");
-    let (_, told) = folder.told(&used, &["check", "scene.wfl", "--allow-read", ".."]);
+    let (_, told) = folder.stranger_told(&used, &["check", "scene.wfl", "--allow-read", ".."]);
     assert!(!told.contains("E217") && told.contains("E118"), "{told}");
     // a file of another kind shows none of its words
     std::fs::write(folder.0.join("project/k.csv"), "secret_word, k\n1, 2\n").expect("a file");
-    let (code, told) = folder.told(&format!("{SCENE}data k : scalar = \"k.csv\"\n"), &["check", "scene.wfl"]);
+    let (code, told) = folder.stranger_told(&format!("{SCENE}data k : scalar = \"k.csv\"\n"), &["check", "scene.wfl"]);
     assert!(code == 1 && told.contains("E418") && !told.contains("secret_word"), "{told}");
 }
 
@@ -75,12 +73,12 @@ fn a_wrong_command_line_is_told_what_to_type() {
         (&["check", "scene.wfl", "E", "3"], "without spaces: E=3"),
         (&["check", "scene.wfl", "E", "=", "3"], "without spaces: E=3"),
     ] {
-        let (code, told) = folder.told(SCENE, words);
+        let (code, told) = folder.stranger_told(SCENE, words);
         assert!(code == 1 && told.contains("= help: ") && told.contains(&format!("{help}\n")), "{words:?}: {told}");
         assert_eq!(told.matches("error").count(), 1, "{told}");
     }
     for word in ["\u{1b}[31mE1", "E\u{202e}1"] {
-        let (code, told) = folder.told(SCENE, &["explain", word]);
+        let (code, told) = folder.stranger_told(SCENE, &["explain", word]);
         assert!(code == 1 && !told.contains(['\u{1b}', '\u{202e}']) && told.contains('\u{fffd}'), "{told:?}");
     }
 }
@@ -96,16 +94,16 @@ fn an_import_keeps_to_what_it_knows() {
         ("x*Test_u", "`x` is a name of the model there and a coordinate here"),
         ("f", "nothing says what is solved for"),
     ] {
-        let (code, text) = folder.told(SCENE, &["import", form]);
+        let (code, text) = folder.stranger_told(SCENE, &["import", form]);
         assert!(code == 1 && text.contains(told), "{form}: {text}");
     }
-    let (code, text) = folder.told(SCENE, &["import", "-Grad_u.Grad_Test_u # a comment\n + u*Test_u"]);
+    let (code, text) = folder.stranger_told(SCENE, &["import", "-Grad_u.Grad_Test_u # a comment\n + u*Test_u"]);
     assert!(code == 0 && text.ends_with("term on all : -Grad_u.Grad_Test_u + u*Test_u\n"), "{text}");
 }
 
 #[test]
 fn an_expectation_that_fails_shows_its_numbers() {
     let folder = Folder::with_project("expects");
-    let (code, told) = folder.told(&format!("{SCENE}expect m > E/4\n"), &["run", "scene.wfl", "-q"]);
+    let (code, told) = folder.stranger_told(&format!("{SCENE}expect m > E/4\n"), &["run", "scene.wfl", "-q"]);
     assert!(code == 3 && told.contains("E604") && told.contains("m is 0, E/4 is 0.5"), "{told}");
 }

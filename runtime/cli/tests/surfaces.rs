@@ -1,8 +1,6 @@
 //! What the command says about interfaces along surfaces inside a body.
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 
 /// A box with a vertical cut `slit` that opens at its top and ends inside.
 const BOX: &str = "\

@@ -1,13 +1,11 @@
 //! `wfl sweep`: errors against numbers of an independent program, failures that stay in the table, resuming.
 
-mod common;
-
 use std::{
     path::{Path, PathBuf},
     process::{Command, Output},
 };
 
-use common::{exact_norms, rows};
+use crate::common::{exact_norms, rows};
 
 fn folder(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("sweep_{name}"));

@@ -1,8 +1,6 @@
 //! `table` through the command: files that are none, what `wfl check` shows, runs that go on, units.
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 
 const SCENE: &str = "wfl 1\nmesh box [0,0] to [1,1] cells [2,2] quad\nregion west = faces where x == 0\n\
     unknown u : vector\nterm bulk on all : Grad_u:Grad_Test_u\nfix u = [0,0] on west\n\

@@ -1,8 +1,6 @@
 //! `wfl run --watch`: the page while a run goes on, and after it.
 
-mod common;
-
-use common::Folder;
+use crate::common::Folder;
 
 /// A block pressed onto a floor in steps.
 const SCENE: &str = "wfl 1

@@ -259,8 +259,8 @@ struct Motion {
     slopes: Vec<(usize, usize)>,
 }
 
-/// What each contact law leaves of gaps and friction cones at `u`, whose largest displacement is `moved`, with the name
-/// of its term. A law that moves nothing itself is left out beside one that does, and so are laws on cells, and laws that
+/// What each contact law leaves of gaps and friction cones at `u`, with the name of its term and the largest displacement of
+/// its bodies, `moved` by term; terms without one are left out. A law that moves nothing itself is left out beside one that does, and so are laws on cells, and laws that
 /// push nothing ([`ContactTerm::pushes`]). Of a law whose images follow the bodies it is what their rays tell
 /// (`following.rs`).
 #[must_use]
@@ -268,9 +268,9 @@ pub fn contact_gaps<'a>(
     system: &'a System,
     contact: &Contact,
     u: &[f64],
-    moved: f64,
+    moved: &[Option<f64>],
     look: Look,
-) -> Vec<(&'a str, ContactGaps)> {
+) -> Vec<(&'a str, f64, ContactGaps)> {
     let values = system.values_with(u, contact.active_set());
     let some_act = contact.terms().iter().any(|term| term.acts_on_displacements(system));
     let counts = |t: &&ContactTerm| {
@@ -279,20 +279,21 @@ pub fn contact_gaps<'a>(
     };
     let still = vec![0.0; if look == Look::Careful { u.len() } else { 0 }];
     let of = |t: &ContactTerm| {
+        let (name, moved) = (system.terms[t.term].law.name.as_str(), moved[t.term]?);
         let data = t.as_written_near(system, values.view(), AS_WRITTEN);
         let mut current: Vec<&[f64]> = values.current.clone();
         data.stand_in(t.field, &mut current);
         let written = FieldValues { current: &current, ..values.view() };
         if t.moves() {
-            return (system.terms[t.term].law.name.as_str(), t.gaps_of_images(system, written));
+            return Some((name, moved, t.gaps_of_images(system, written)));
         }
         let careful = (look == Look::Careful).then(|| {
             let rest = system.values_with(&still, contact.active_set());
             t.look(system, written, rest.view())
         });
-        (system.terms[t.term].law.name.as_str(), t.gaps(system, written, moved, careful.as_ref()))
+        Some((name, moved, t.gaps(system, written, moved, careful.as_ref())))
     };
-    contact.terms().iter().filter(counts).map(of).collect()
+    contact.terms().iter().filter(counts).filter_map(of).collect()
 }
 
 impl ContactTerm {

@@ -208,7 +208,7 @@ impl Field {
                 space.nodes_on_facets(mesh, topology, &facets)
             }
             RegionSet::Edges(edges) => space.nodes_on_edges(mesh, edges),
-            RegionSet::Nodes(nodes) => space.nodes_at_mesh_nodes(nodes),
+            RegionSet::Nodes(nodes) => space.nodes_at_mesh_nodes(mesh, nodes),
         }
     }
 

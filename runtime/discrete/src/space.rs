@@ -5,6 +5,7 @@
 //! dofs alike for any local orientation (dofs along an edge run from its vertex of lower
 //! number, those inside a quadrilateral from its lowest vertex, first towards the lower neighbour). Does not know components, values or constraints.
 
+mod mesh_nodes;
 mod part;
 mod split;
 
@@ -396,7 +397,7 @@ impl Space {
     #[must_use]
     pub fn nodes_on_edges(&self, mesh: &Mesh, edges: &[FaceEdge]) -> Vec<u32> {
         let ends: BTreeSet<NodeId> = edges.iter().flat_map(|edge| mesh.edge_ends(*edge)).collect();
-        let mut found = self.nodes_at_mesh_nodes(&ends.into_iter().collect::<Vec<_>>());
+        let mut found = self.nodes_at_mesh_nodes(mesh, &ends.into_iter().collect::<Vec<_>>());
         for edge in edges {
             if let Some((element, nodes)) = self.on_facet(edge.face) {
                 let closure = element.facet_closure(usize::from(edge.local));
@@ -445,19 +446,6 @@ impl Space {
             let count = inner_dofs(facet_kind, self.degree);
             take(numbering.facets[topology.facet_id(facet).index()], count);
         }
-    }
-
-    /// Sorted nodes of the space at these nodes of the mesh. At vertices only for a continuous
-    /// space; inner geometry nodes of second-order cells carry no entity and are not matched.
-    #[must_use]
-    pub fn nodes_at_mesh_nodes(&self, nodes: &[NodeId]) -> Vec<u32> {
-        let at = |node: &NodeId| self.numbering.vertices[node.index()];
-        let mut found: Vec<u32> = nodes.iter().map(at).filter(|n| *n != NONE).collect();
-        let torn: Vec<u32> = self.copies.iter().filter(|(n, _)| found.contains(n)).map(|(_, copy)| *copy).collect();
-        found.extend(torn);
-        found.sort_unstable();
-        found.dedup();
-        found
     }
 }
 

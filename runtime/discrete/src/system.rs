@@ -9,6 +9,7 @@
 //! alone. Knows no contact, no solver and no iteration.
 
 mod applied;
+mod bodies;
 mod cancelled;
 mod constants;
 mod equations;
@@ -106,7 +107,7 @@ pub struct System {
     constant: Vec<f64>,
     /// By dof, what rounding of `constant` is relative to.
     constant_sizes: Vec<f64>,
-    /// By field: it acts on free dofs.
+    /// By body: it acts on free dofs.
     loaded: Vec<bool>,
     /// The state at which `constant` is what affine terms give; empty for zero.
     base: Vec<f64>,
@@ -117,6 +118,7 @@ pub struct System {
     past_matrices: Option<Arc<PastMatrices>>,
     /// By field: the first field of those whose forces meet on interfaces.
     meets: Vec<usize>,
+    bodies: bodies::Found,
     /// Of the mesh along the axis where it is the largest.
     extent: f64,
     placed: Placed,
@@ -146,7 +148,7 @@ impl System {
         known: Known,
     ) -> Result<Self, CsrError> {
         let n_free = numbering.n_free();
-        let (constant, loaded) = (vec![0.0; numbering.n_dofs], vec![false; fields.len()]);
+        let constant = vec![0.0; numbering.n_dofs];
         let meets = meeting_fields(&fields, &terms);
         let (low, high) = mesh.bounds();
         let placed = Placed::new(&fields, &terms, [low, high]);
@@ -166,12 +168,13 @@ impl System {
             scene_axes: None,
             constant_sizes: constant.clone(),
             constant,
-            loaded,
+            loaded: Vec::new(),
             base: Vec::new(),
             steady: None,
             past_forms: Vec::new(),
             past_matrices: None,
             meets,
+            bodies: bodies::Found::new(),
             extent,
             placed,
             kept: Vec::new(),
@@ -392,6 +395,7 @@ impl System {
         numbering.fix(dofs);
         numbering.tie(ties);
         self.share_again();
+        self.bodies = bodies::Found::new();
         (self.linear, self.steady, self.past_matrices, self.without_matrix) = (None, None, None, None);
         self.bulk = Arc::new(nothing(self.numbering.n_free()));
         self.locate()

@@ -1,10 +1,8 @@
 //! Formatting changes no meaning: the syntax trees of all examples and templates are the same before and after.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::Editor;
+use crate::common::Editor;
 use serde_json::Value;
 use wfl::{SourceMap, parse};
 

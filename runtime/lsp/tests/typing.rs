@@ -1,10 +1,8 @@
 //! Messages while typing: all of a file, at their places, with cures.
 
-mod common;
-
 use std::collections::BTreeSet;
 
-use common::{Editor, example};
+use crate::common::{Editor, example};
 use serde_json::{Value, json};
 
 /// A scene with a mistake in each line that ends in a `#`.

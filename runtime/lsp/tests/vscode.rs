@@ -62,7 +62,10 @@ fn the_grammar_is_made_from_the_words_of_the_language() {
         std::fs::write(&path, text).expect("the grammar can be written");
         return;
     }
-    assert!(read("syntaxes/wfl.tmLanguage.json") == text, "WFL_WRITE=1 cargo test --workspace --test vscode writes it");
+    assert!(
+        read("syntaxes/wfl.tmLanguage.json") == text,
+        "WFL_WRITE=1 cargo test --workspace --test server vscode:: writes it"
+    );
 }
 
 #[test]

@@ -11,6 +11,7 @@ use super::{
     rest::Rest,
     schedule::{BUDGET_OF_PATHS, Schedule},
 };
+use wfl_contact::Contact;
 use wfl_discrete::system::LinearTerms;
 use wfl_sparse::solve::SolveError;
 
@@ -35,6 +36,8 @@ struct Attempt<'u> {
     best: (f64, Vec<f64>),
     direction: Vec<f64>,
     history: StepHistory,
+    /// Why the first tangent was singular where contact was open at some points, and contact as it was.
+    not_held: Option<(NewtonError, Contact)>,
 }
 
 /// Solves a step from `u`, or from `predicted` where that is better.
@@ -50,11 +53,12 @@ pub(super) fn iterate(
     let weights = vec![1.0; step.system.fields.len()];
     let norm = Norm { weights, equations: Vec::new(), scales: Vec::new(), frozen: schedule.freezes() };
     let mut history = StepHistory::default();
-    let before = step.system.largest_of_groups(u);
+    let before = step.system.largest_of_alike(u);
     let here = begin(step, u, predicted, &norm, &mut history)?;
     let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
+    let (path, direction) = (None, Vec::new());
     let mut attempt =
-        Attempt { u, start, before, here, norm, schedule, path: None, best, direction: Vec::new(), history };
+        Attempt { u, start, before, here, norm, schedule, path, best, direction, history, not_held: None };
     attempt.run(step)?;
     Ok(attempt.history)
 }
@@ -113,13 +117,15 @@ impl Attempt<'_> {
             least = Some(least.map_or(self.here.relative, |least: f64| least.min(self.here.relative)));
             match self.correct(step, forcing, inexact) {
                 Ok(followed) => self.advance(step, followed)?,
-                Err(error) => {
-                    self.leave(error, number)?;
-                    left = true;
-                }
+                Err(error) => left = self.leave(step, error, number)?,
             }
         }
         let stop = self.confirmed(step)?;
+        if stop.is_none()
+            && let Some(error) = self.found_loose(step)?
+        {
+            return Err(error);
+        }
         self.history.stop = Some(stop.unwrap_or(Stop::MaxIterations));
         Ok(())
     }
@@ -238,16 +244,42 @@ impl Attempt<'_> {
     }
 
     /// Goes on from the best state with another method after an error of the linear solver, if that may help: at the
-    /// start it is the scene that lacks something; on the way one state says little about the scene, and it is an error
-    /// only if each method meets one.
-    fn leave(&mut self, error: NewtonError, number: usize) -> Result<(), NewtonError> {
+    /// start it is the scene that lacks something, unless contact is open at some points alone, which may hold the bodies
+    /// once they are closed; on the way one state says little about the scene, and it is an error only if each method meets
+    /// one. Whether it is another method.
+    fn leave(&mut self, step: &mut LoadStep<'_>, error: NewtonError, number: usize) -> Result<bool, NewtonError> {
         let singular = matches!(error, NewtonError::Solve(SolveError::Singular { .. }));
+        if number == 1 && singular && self.is_open_in_part(step) {
+            self.not_held = Some((error, step.contact.clone()));
+            step.contact.stick_everywhere();
+            self.here = step.measure(self.u, &self.norm)?;
+            return Ok(false);
+        }
         let on_the_way = number > 1 && (singular || self.path.is_some() && error.is_of_the_state());
-        if !on_the_way || !self.schedule.leave_singular() {
-            return Err(error);
+        let is_loose = number == 2 && self.not_held.is_some() && singular;
+        if is_loose || !on_the_way || !self.schedule.leave_singular() {
+            let first = if singular { self.found_loose(step)? } else { None };
+            return Err(first.unwrap_or(error));
         }
         self.u.copy_from_slice(&self.best.1);
-        Ok(())
+        Ok(true)
+    }
+
+    /// Where closing all contact helped nothing: goes back to the state at which bodies were found loose, and says so.
+    fn found_loose(&mut self, step: &mut LoadStep<'_>) -> Evaluated<Option<NewtonError>> {
+        let Some((error, contact)) = self.not_held.take() else { return Ok(None) };
+        (*step.contact, self.norm.frozen) = (contact, true);
+        self.u.copy_from_slice(&self.start);
+        step.assemble_tangent(self.u, true)?;
+        Ok(Some(error))
+    }
+
+    /// Whether some points of contact are open and others closed, in bodies that one guess of all points does not crumple.
+    fn is_open_in_part(&self, step: &LoadStep<'_>) -> bool {
+        let counts = self.history.iterations.last().and_then(|last| last.contact);
+        let in_part = counts.is_some_and(|[open, slip, stick]| open > 0 && slip + stick > 0);
+        // behind a converged step smaller increments are what helps
+        in_part && self.norm.frozen && !step.contact.is_warm() && !step.system.has_nonlinear_bodies()
     }
 
     /// Takes the step of this iteration; `followed` is where a path has led.

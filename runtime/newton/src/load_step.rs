@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::{Evaluated, LARGEST_TOLERANCE, Method, NewtonError, NewtonOptions, StepHistory, Stop, Watch};
 use crate::Iteration;
 use crate::LinearSolver;
-use crate::measures::FieldMeasures;
+use crate::measures::BodyMeasures;
 use wfl_compiler::types::FieldKind;
 use wfl_contact::Contact;
 use wfl_discrete::assemble::VolumeLimit;
@@ -105,11 +105,11 @@ pub struct Spent {
 
 /// What relative residuals are relative to.
 struct Scales {
-    /// By field.
+    /// By body.
     scales: Vec<f64>,
-    /// By field whether it has loads that are more than rounding.
+    /// By body whether it has loads that are more than rounding.
     loaded: Vec<bool>,
-    /// Fields have no force but rounding.
+    /// Bodies have no force but rounding.
     no_force: bool,
 }
 
@@ -184,10 +184,10 @@ impl LoadStep<'_> {
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
         system.check_finite("sum of the sizes of summands", &summands, u)?;
         sizes.iter_mut().zip(&summands).for_each(|(size, summand)| *size += summand);
-        let is_multiplier = |k: usize| system.fields[k].kind == FieldKind::Multiplier;
-        let mut all = self.field_measures(u, &written, [&sizes, &summands], &scales);
+        let is_multiplier = |body: usize| system.fields[system.field_of_body(body)].kind == FieldKind::Multiplier;
+        let mut all = self.body_measures(u, &written, [&sizes, &summands], &scales);
         if all.is_open_by(is_multiplier, self.options.tolerance) && self.are_nothing(u, &mut scales) {
-            all = self.field_measures(u, &written, [&sizes, &summands], &scales);
+            all = self.body_measures(u, &written, [&sizes, &summands], &scales);
         }
         let settled = all.are_settled(is_multiplier, self.options.tolerance);
         let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
@@ -199,7 +199,7 @@ impl LoadStep<'_> {
                 sizes.iter_mut().zip(system.cancelled(u, &written)).for_each(|(size, inside)| *size = size.max(inside));
             }
             if cancels || !positions.is_empty() {
-                all = self.field_measures(u, &written, [&sizes, &summands], &scales);
+                all = self.body_measures(u, &written, [&sizes, &summands], &scales);
                 bounded = all.are_settled(is_multiplier, self.options.tolerance);
             }
         }
@@ -213,33 +213,33 @@ impl LoadStep<'_> {
         Ok(Measured { residual, written, summands, relative, floor, settled, bounded, no_force, norm, rounding })
     }
 
-    /// Residuals by field beside their scales and what rounding leaves: of what cancels by dof, and of the summands of single
+    /// Residuals by body beside their scales and what rounding leaves: of what cancels by dof, and of the summands of single
     /// equations.
-    fn field_measures(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 2], of: &Scales) -> FieldMeasures {
+    fn body_measures(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 2], of: &Scales) -> BodyMeasures {
         let (system, [sizes, summands]) = (self.system, sizes);
-        let mut all = FieldMeasures::new(system.fields.len());
+        let mut all = BodyMeasures::new(system.n_bodies());
         let faces_alone = self.contact.is_empty() && !system.has_nonlinear_bodies();
-        let mut unknowns = system.largest_by_field(u);
+        let mut unknowns = system.largest_by_body(u);
         system.team().max(&mut unknowns);
-        for field in 0..system.fields.len() {
-            let Some(range) = system.range(field) else { continue };
-            let rounding = FLOOR_FACTOR * roundoff(unknowns[field]);
-            let is_free = |d: &usize| system.numbering.free[*d] != FIXED;
-            if system.has_single_equations(field) {
+        let cancelled = system.largest_by_body(sizes);
+        let largest = system.largest_of_free_by_body(&written.values);
+        let kept = system.largest_by_body(&written.linear_sizes);
+        for body in (0..system.n_bodies()).filter(|body| system.range(system.field_of_body(*body)).is_some()) {
+            let rounding = FLOOR_FACTOR * roundoff(unknowns[body]);
+            if system.has_single_equations(system.field_of_body(body)) {
+                let is_free = |d: &usize| system.numbering.free[*d] != FIXED;
                 let equation = |d: usize| [written.values[d].abs(), summands[d], rounding * sizes[d]];
-                let equations: Vec<[f64; 3]> = range.filter(is_free).map(equation).collect();
-                all.add_equations(field, &equations, self.options.tolerance);
+                let equations: Vec<[f64; 3]> = system.dofs_of_body(body).filter(is_free).map(equation).collect();
+                all.add_equations(body, &equations, self.options.tolerance);
             } else {
-                let cancelled = largest_of(range.clone().map(|d| sizes[d]));
-                let largest = largest_of(range.clone().filter(is_free).map(|d| written.values[d]));
-                let kept = range.map(|d| written.linear_sizes[d]);
                 // loads are known exactly: a state so far away that they are rounding beside it balances none of them
-                let kept = match (of.loaded[field], faces_alone) {
+                let kept = match (of.loaded[body], faces_alone) {
                     (true, _) => 0.0,
-                    (false, true) => rounding * largest_of(kept),
+                    (false, true) => rounding * kept[body],
                     (false, false) => f64::INFINITY,
                 };
-                all.add_forces(system.alike(field), largest, of.scales[field], [rounding * cancelled, kept]);
+                let rounding = [rounding * cancelled[body], kept];
+                all.add_forces(system.body_alike(body), largest[body], of.scales[body], rounding);
             }
         }
         all.of_all(system.team());
@@ -250,14 +250,14 @@ impl LoadStep<'_> {
     /// within the tolerance where rounding is all that is left.
     fn are_nothing(&self, u: &[f64], scales: &mut Scales) -> bool {
         let system = self.system;
-        let mut values = system.largest_by_field(u);
+        let mut values = system.largest_by_body(u);
         system.team().max(&mut values);
         let rounding = FLOOR_FACTOR * f64::EPSILON;
         let mut found = false;
-        for (field, [value, size]) in system.multipliers_beside(&scales.scales, self.tangent).into_iter().enumerate() {
+        for (body, [value, size]) in system.multipliers_beside(&scales.scales, self.tangent).into_iter().enumerate() {
             let scale = rounding / self.options.tolerance * size;
-            if value > 0.0 && values[field] <= rounding * value && scale > scales.scales[field] {
-                (scales.scales[field], found) = (scale, true);
+            if value > 0.0 && values[body] <= rounding * value && scale > scales.scales[body] {
+                (scales.scales[body], found) = (scale, true);
             }
         }
         found
@@ -274,25 +274,26 @@ impl LoadStep<'_> {
         let is_free = |d: usize| system.numbering.free[d] != FIXED;
         let free: Vec<f64> =
             written.values.iter().enumerate().map(|(d, x)| if is_free(d) { *x } else { 0.0 }).collect();
-        let (left, stiffness) = (system.largest_of_groups(&free), system.stiffness(self.tangent));
-        let is_force = |k: &usize| system.range(*k).is_some() && !system.has_single_equations(*k);
+        let (left, stiffness) = (system.largest_of_alike(&free), system.stiffness(self.tangent));
+        let is_force = |body: &usize| {
+            let field = system.field_of_body(*body);
+            system.range(field).is_some() && !system.has_single_equations(field)
+        };
         let bound = |k: usize| FLOOR_FACTOR * f64::EPSILON * stiffness[k] * system.extent();
-        (0..system.fields.len()).filter(is_force).all(|k| left[k] <= bound(k))
+        (0..system.n_bodies()).filter(is_force).all(|k| left[k] <= bound(k))
     }
 
-    /// By field what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether
-    /// some fields have no force but rounding: then that is relative to what cancels. Where the largest force is so small that rounding hides the
+    /// By body what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether
+    /// some bodies have no force but rounding: then that is relative to what cancels. Where the largest force is so small that rounding hides the
     /// tolerance, it is what is left of larger ones, and these are asked for one by one.
     fn scales(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 2]) -> Evaluated<Scales> {
         let system = self.system;
         let [sizes, positions] = sizes;
         let mut scales = system.scales(written, sizes);
-        let of_forces: Vec<usize> = (0..scales.len())
-            .filter(|k| system.range(*k).is_some() && system.fields[*k].kind == FieldKind::Unknown)
-            .filter(|k| !system.has_single_equations(*k))
-            .collect();
-        let (cancels, moved) = (system.largest_of_groups(sizes), system.largest_of_groups(u));
-        let placed = if positions.is_empty() { vec![0.0; scales.len()] } else { system.largest_of_groups(positions) };
+        let has_forces = |body: &usize| !system.has_single_equations(system.field_of_body(*body));
+        let of_forces: Vec<usize> = system.unknown_bodies().filter(has_forces).collect();
+        let (cancels, moved) = (system.largest_of_alike(sizes), system.largest_of_alike(u));
+        let placed = if positions.is_empty() { vec![0.0; scales.len()] } else { system.largest_of_alike(positions) };
         let extent = system.extent();
         let is_hidden = |k: &usize| {
             let rounding = FLOOR_FACTOR * f64::EPSILON * (cancels[*k] + placed[*k]);
@@ -301,13 +302,13 @@ impl LoadStep<'_> {
             rounding > self.options.tolerance * scales[*k]
                 || !system.is_linear() && UNSTRAINED * f64::EPSILON * strained > scales[*k]
         };
-        let mut loaded: Vec<bool> = (0..scales.len()).map(|k| system.is_loaded(k)).collect();
+        let mut loaded = system.loaded();
         if !of_forces.iter().any(is_hidden) {
             return Ok(Scales { scales, loaded, no_force: false });
         }
-        let parts = system.largest_of_groups(&system.contributions(u)?);
-        let cancels = system.largest_of_groups(&system.cancelled(u, written));
-        let before = system.past().map(|past| system.largest_of_groups(&past.unknowns));
+        let parts = system.largest_of_alike(&system.contributions(u)?);
+        let cancels = system.largest_of_alike(&system.cancelled(u, written));
+        let before = system.past().map(|past| system.largest_of_alike(&past.unknowns));
         let mut no_force = false;
         for k in of_forces {
             scales[k] = largest_of([scales[k], parts[k]]);
@@ -364,8 +365,8 @@ impl LoadStep<'_> {
         norm.scales.iter_mut().zip(&here.summands).for_each(|(scale, now)| *scale = now.max(FORGETS * *scale));
         let mut out = norm.scales.clone();
         let single = |k: &usize| system.has_single_equations(*k);
-        let others = (0..system.fields.len()).filter(|k| !single(k) && system.fields[*k].kind == FieldKind::Unknown);
-        let force = largest_of(others.map(|k| here.written.forces[k]));
+        let others = system.unknown_bodies().filter(|body| !single(&system.field_of_body(*body)));
+        let force = largest_of(others.map(|body| here.written.forces[body]));
         let unit = if force > 0.0 { force } else { 1.0 };
         let mut most = system.largest_by_field(&out);
         system.team().max(&mut most);

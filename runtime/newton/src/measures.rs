@@ -1,6 +1,7 @@
-//! The residual of each field relative to its scale, and whether what is left is rounding.
+//! The residual of each body relative to its scale, and whether what is left is rounding.
 //!
-//! Fields whose forces meet share one measure, that of the largest force. Single equations (a rate, a state variable, a
+//! A body is what of a field hangs together (`discrete/src/system/bodies.rs`). Bodies whose forces meet share one measure,
+//! that of the largest force. Single equations (a rate, a state variable, a
 //! global unknown) are each measured by what cancels in them. Promises: knows no system; decides nothing but whether
 //! rounding is all that is left.
 
@@ -9,14 +10,14 @@ use wfl_host::team::Team;
 /// This part of the forces out of balance is much: the largest tolerance that can be asked for.
 const MUCH: f64 = crate::LARGEST_TOLERANCE;
 
-/// Measures of a field, or of the first of those that share one.
+/// Measures of a body, or of the first of those that share one.
 #[derive(Clone, Copy, Default)]
-struct FieldMeasure {
+struct BodyMeasure {
     /// The largest residual over its scale.
     relative: f64,
     /// What rounding leaves of it.
     floor: f64,
-    /// An equation of a field with single equations is neither within the tolerance nor rounding.
+    /// An equation of one with single equations is neither within the tolerance nor rounding.
     open: bool,
     /// It has single equations.
     single: bool,
@@ -24,23 +25,23 @@ struct FieldMeasure {
     steep: bool,
 }
 
-/// Measures of all fields.
-pub(crate) struct FieldMeasures {
-    fields: Vec<FieldMeasure>,
+/// Measures of all bodies.
+pub(crate) struct BodyMeasures {
+    bodies: Vec<BodyMeasure>,
 }
 
-impl FieldMeasures {
-    pub(crate) fn new(n_fields: usize) -> Self {
-        Self { fields: vec![FieldMeasure::default(); n_fields] }
+impl BodyMeasures {
+    pub(crate) fn new(n_bodies: usize) -> Self {
+        Self { bodies: vec![BodyMeasure::default(); n_bodies] }
     }
 
     /// Adds forces: the largest residual, the largest force, and what rounding leaves: of all terms, and of those whose
     /// rounding is a reason to stop with much of the forces open: none where loads act, those whose stiffness does not
     /// change where a law on faces may be steep. A law that is steep where it has hardly begun (friction at a slip rate of zero) has a
     /// stiffness against which every force is rounding: that is no reason to stop with much of the forces open.
-    pub(crate) fn add_forces(&mut self, field: usize, residual: f64, scale: f64, rounding: [f64; 2]) {
+    pub(crate) fn add_forces(&mut self, body: usize, residual: f64, scale: f64, rounding: [f64; 2]) {
         if residual > 0.0 {
-            let f = &mut self.fields[field];
+            let f = &mut self.bodies[body];
             f.relative = f.relative.max(residual / scale);
             f.floor = f.floor.max(rounding[0] / scale);
             f.steep |= residual > MUCH * scale && residual > rounding[1];
@@ -48,8 +49,8 @@ impl FieldMeasures {
     }
 
     /// Adds equations: of each the residual, what cancels in it, and what rounding leaves.
-    pub(crate) fn add_equations(&mut self, field: usize, equations: &[[f64; 3]], tolerance: f64) {
-        let f = &mut self.fields[field];
+    pub(crate) fn add_equations(&mut self, body: usize, equations: &[[f64; 3]], tolerance: f64) {
+        let f = &mut self.bodies[body];
         f.single = true;
         for [residual, scale, rounding] in equations.iter().filter(|[residual, ..]| *residual > 0.0) {
             f.relative = f.relative.max(residual / scale);
@@ -62,39 +63,39 @@ impl FieldMeasures {
     pub(crate) fn of_all(&mut self, team: &dyn Team) {
         let flag = |holds: bool| f64::from(u8::from(holds));
         let mut sizes: Vec<f64> =
-            self.fields.iter().flat_map(|f| [f.relative, f.floor, flag(f.open), flag(f.steep)]).collect();
+            self.bodies.iter().flat_map(|f| [f.relative, f.floor, flag(f.open), flag(f.steep)]).collect();
         team.max(&mut sizes);
-        for (f, [relative, floor, open, steep]) in self.fields.iter_mut().zip(sizes.as_chunks().0) {
+        for (f, [relative, floor, open, steep]) in self.bodies.iter_mut().zip(sizes.as_chunks().0) {
             (f.relative, f.floor, f.open, f.steep) = (*relative, *floor, *open > 0.5, *steep > 0.5);
         }
     }
 
     /// The largest relative residual.
     pub(crate) fn relative(&self) -> f64 {
-        self.fields.iter().fold(0.0, |m, f| m.max(f.relative))
+        self.bodies.iter().fold(0.0, |m, f| m.max(f.relative))
     }
 
     /// The largest floor.
     pub(crate) fn floor(&self) -> f64 {
-        self.fields.iter().fold(0.0, |m, f| m.max(f.floor))
+        self.bodies.iter().fold(0.0, |m, f| m.max(f.floor))
     }
 
     /// True if each kind of unknown is for itself within the tolerance or what rounding leaves: rounding of one says
     /// nothing of another. The equation of a multiplier has what rounding leaves of the displacements in it, which its own
     /// numbers do not tell. Not finite, a floor says that nothing is known, not that nothing is left to do.
     pub(crate) fn are_settled(&self, is_multiplier: impl Fn(usize) -> bool, tolerance: f64) -> bool {
-        (0..self.fields.len()).all(|k| self.is_settled(k, &is_multiplier, tolerance))
+        (0..self.bodies.len()).all(|k| self.is_settled(k, &is_multiplier, tolerance))
     }
 
     /// True if multipliers alone keep all open.
     pub(crate) fn is_open_by(&self, is_multiplier: impl Fn(usize) -> bool, tolerance: f64) -> bool {
-        let mut open = (0..self.fields.len()).filter(|k| !self.is_settled(*k, &is_multiplier, tolerance)).peekable();
+        let mut open = (0..self.bodies.len()).filter(|k| !self.is_settled(*k, &is_multiplier, tolerance)).peekable();
         open.peek().is_some() && open.all(&is_multiplier)
     }
 
     fn is_settled(&self, k: usize, is_multiplier: &impl Fn(usize) -> bool, tolerance: f64) -> bool {
-        let f = &self.fields[k];
-        let of_forces = || self.fields.iter().filter(|f| !f.single).fold(0.0f64, |m, f| m.max(f.floor));
+        let f = &self.bodies[k];
+        let of_forces = || self.bodies.iter().filter(|f| !f.single).fold(0.0f64, |m, f| m.max(f.floor));
         let least = if is_multiplier(k) { of_forces() } else { f.floor };
         let rounded = if f.single { !f.open } else { !f.steep && least.is_finite() && f.relative <= least };
         f.relative <= tolerance || rounded
@@ -107,20 +108,20 @@ mod tests {
 
     #[test]
     fn each_equation_is_open_until_it_is_small_beside_what_cancels_in_it() {
-        let mut all = FieldMeasures::new(2);
+        let mut all = BodyMeasures::new(2);
         all.add_forces(0, 1e-12, 1.0, [1e-15, f64::INFINITY]);
         all.add_equations(1, &[[1e-20, 1e-9, 1e-24], [1e-12, 30.0, 1e-14]], 1e-10);
         assert!(all.are_settled(|_| false, 1e-10) && all.relative() == 1e-20 / 1e-9);
         all.add_equations(1, &[[1e-18, 1e-9, 1e-24]], 1e-10);
         assert!(!all.are_settled(|_| false, 1e-10), "one part in 1e9 of what cancels is left");
-        let mut all = FieldMeasures::new(1);
+        let mut all = BodyMeasures::new(1);
         all.add_equations(0, &[[1e-18, 1e-9, 1e-17], [0.0, 0.0, 0.0]], 1e-10);
         assert!(all.are_settled(|_| false, 1e-10), "that is rounding");
     }
 
     #[test]
     fn a_multiplier_has_the_rounding_of_the_forces() {
-        let mut all = FieldMeasures::new(2);
+        let mut all = BodyMeasures::new(2);
         all.add_forces(0, 1e-13, 1.0, [1e-8, f64::INFINITY]);
         all.add_forces(1, 1e-9, 1.0, [1e-12, f64::INFINITY]);
         assert!(all.are_settled(|k| k == 1, 1e-10) && !all.are_settled(|_| false, 1e-10));
@@ -128,7 +129,7 @@ mod tests {
 
     #[test]
     fn multipliers_alone_are_open_where_the_forces_are_in_balance() {
-        let mut all = FieldMeasures::new(2);
+        let mut all = BodyMeasures::new(2);
         all.add_forces(0, 1e-13, 1.0, [1e-15, f64::INFINITY]);
         all.add_forces(1, 1e-30, 1e-30, [1e-46, f64::INFINITY]);
         assert!(all.is_open_by(|k| k == 1, 1e-10) && !all.is_open_by(|k| k == 0, 1e-10));
@@ -139,7 +140,7 @@ mod tests {
     #[test]
     fn a_stiffness_that_swallows_all_forces_is_no_reason_to_stop() {
         let settled = |kept: f64| {
-            let mut all = FieldMeasures::new(1);
+            let mut all = BodyMeasures::new(1);
             all.add_forces(0, 30.0, 30.0, [1e11, kept]);
             all.are_settled(|_| false, 1e-10)
         };
@@ -147,8 +148,8 @@ mod tests {
     }
 
     #[test]
-    fn one_field_that_is_open_keeps_all_open() {
-        let mut all = FieldMeasures::new(2);
+    fn one_body_that_is_open_keeps_all_open() {
+        let mut all = BodyMeasures::new(2);
         all.add_forces(0, 1e-14, 1.0, [0.0, f64::INFINITY]);
         all.add_forces(1, 1e-9, 1.0, [1e-15, f64::INFINITY]);
         assert!(!all.are_settled(|_| false, 1e-10));
@@ -157,14 +158,14 @@ mod tests {
 
     #[test]
     fn a_floor_that_is_not_finite_says_that_nothing_is_known() {
-        let mut all = FieldMeasures::new(1);
+        let mut all = BodyMeasures::new(1);
         all.add_forces(0, 1e-3, 1.0, [f64::INFINITY, f64::INFINITY]);
         assert!(!all.are_settled(|_| false, 1e-10));
     }
 
     #[test]
-    fn fields_that_share_a_measure_have_the_larger_of_both() {
-        let mut all = FieldMeasures::new(2);
+    fn bodies_that_share_a_measure_have_the_larger_of_both() {
+        let mut all = BodyMeasures::new(2);
         all.add_forces(0, 2e-3, 1.0, [1e-15, f64::INFINITY]);
         all.add_forces(0, 1e-3, 0.25, [2e-15, f64::INFINITY]);
         assert_eq!((all.relative(), all.floor()), (4e-3, 8e-15));
@@ -172,7 +173,7 @@ mod tests {
 
     #[test]
     fn a_residual_of_zero_needs_no_scale() {
-        let mut all = FieldMeasures::new(1);
+        let mut all = BodyMeasures::new(1);
         all.add_forces(0, 0.0, 0.0, [0.0, 0.0]);
         all.add_equations(0, &[[0.0, 0.0, 0.0]], 1e-10);
         assert!(all.are_settled(|_| false, 1e-10) && all.relative() == 0.0);

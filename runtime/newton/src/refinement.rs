@@ -29,8 +29,8 @@ pub(super) fn helps(step: &LoadStep<'_>, u: &[f64], here: &Measured) -> bool {
     let system = step.system;
     let all = system.sizes(u, &here.written, step.tangent);
     let (linear, scales) = (&here.written.linear_sizes, system.scales(&here.written, &all));
-    let fields = (0..system.fields.len()).filter_map(|k| Some((system.range(k)?, scales[k])));
-    let sizes = fields.filter(|(_, scale)| *scale > 0.0).flat_map(|(range, scale)| range.map(move |d| (d, scale)));
+    let bodies = (0..system.n_bodies()).map(|body| (body, scales[body])).filter(|(_, scale)| *scale > 0.0);
+    let sizes = bodies.flat_map(|(body, scale)| system.dofs_of_body(body).map(move |d| (d, scale)));
     let sizes = sizes.map(|(d, scale)| [all[d] / scale, f64::from(u8::from(linear[d] > 0.5 * all[d]))]);
     let of_largest = |sizes: &mut dyn Iterator<Item = [f64; 2]>| sizes.max_by(|a, b| a[0].total_cmp(&b[0]));
     // of each rank, then of all
@@ -76,9 +76,9 @@ fn one(step: &mut LoadStep<'_>, u: &mut [f64], norm: &Norm, history: &mut StepHi
     let mut by_dof = vec![0.0; u.len()];
     step.system.numbering.free_dofs.iter().zip(&direction).for_each(|(d, x)| by_dof[*d as usize] = *x);
     // a field that is zero has no digits that could get better
-    let is_zero = |field: usize| step.system.is_zero_but_for_rounding(u, &here.written, step.tangent, field);
+    let is_zero = |body: usize| step.system.is_zero_but_for_rounding(u, &here.written, step.tangent, body);
     let sizes = step.system.relative_sizes(u, &by_dof).into_iter();
-    let size = largest(sizes.filter(|(field, size)| *size <= ENOUGH || !is_zero(*field)).map(|(_, size)| size));
+    let size = largest(sizes.filter(|(body, size)| *size <= ENOUGH || !is_zero(*body)).map(|(_, size)| size));
     step.go(&start, &direction, 1.0, u);
     let next = step.measure(u, norm)?;
     let mut changed = 0;

@@ -3,10 +3,9 @@
 //! Where loads are exactly zero and nothing is prescribed, the solution often is zero. A correction leaves of the state before
 //! what rounding is beside that, and no iteration on such numbers ends: all branches of contact are ties there, relative
 //! residuals compare rounding with rounding, and each iteration makes both smaller. Promises: nothing that acts, however small
-//! it is, is taken for nothing; scenes all of whose fields are loaded pay nothing. Decides nothing: whether rest solves the
+//! it is, is taken for nothing; scenes all of whose bodies are loaded pay nothing. Decides nothing: whether rest solves the
 //! equations its residual says.
 
-use wfl_compiler::types::FieldKind;
 use wfl_discrete::system::{FIXED, System};
 
 use crate::load_step::LoadStep;
@@ -16,50 +15,49 @@ use crate::load_step::LoadStep;
 /// equations exactly.
 const VANISHED: f64 = 1.5e-8;
 
-/// A state with some of its fields at rest.
+/// A state with some of its bodies at rest.
 pub(super) struct Rest {
     pub(super) state: Vec<f64>,
-    /// By field whether it is one of them.
-    fields: Vec<bool>,
+    /// By body whether it is one of them.
+    bodies: Vec<bool>,
 }
 
 impl Rest {
-    /// Of the fields that no loads act on and that have vanished beside `before`, their largest unknowns by field when the
+    /// Of the bodies that no loads act on and that have vanished beside `before`, their largest unknowns by body when the
     /// attempt began; `None` where there are none, or multipliers alone: these vanish where contact opens.
     pub(super) fn of(step: &LoadStep<'_>, u: &[f64], before: &[f64]) -> Option<Self> {
         let system = step.system;
-        let is_force = |k: &usize| system.fields[*k].kind == FieldKind::Unknown && system.range(*k).is_some();
-        let forces = || (0..system.fields.len()).filter(is_force);
-        if !step.offset.is_empty() || forces().all(|k| system.is_loaded(k)) {
+        let loaded = system.loaded();
+        let is_solved = |body: usize| system.range(system.field_of_body(body)).is_some();
+        if !step.offset.is_empty() || system.unknown_bodies().all(|body| loaded[body]) {
             return None;
         }
-        let now = system.largest_of_groups(u);
-        let has_vanished = |k: usize| {
-            system.range(k).is_some() && !system.is_loaded(k) && 0.0 < now[k] && now[k] <= VANISHED * before[k]
-        };
-        let fields: Vec<bool> = (0..system.fields.len()).map(has_vanished).collect();
-        if !forces().any(|k| fields[k]) {
+        let now = system.largest_of_alike(u);
+        let has_vanished =
+            |body: usize| is_solved(body) && !loaded[body] && 0.0 < now[body] && now[body] <= VANISHED * before[body];
+        let bodies: Vec<bool> = (0..loaded.len()).map(has_vanished).collect();
+        if !system.unknown_bodies().any(|body| bodies[body]) {
             return None;
         }
         let numbering = &system.numbering;
         let mut state = u.to_vec();
         numbering.frames.turn(&mut state);
-        for_each_free(system, &fields, |dof| state[dof] = 0.0);
+        for_each_free(system, &bodies, |dof| state[dof] = 0.0);
         numbering.frames.turn_back(&mut state);
         numbering.follow(&mut state);
-        Some(Self { state, fields })
+        Some(Self { state, bodies })
     }
 
-    /// Whether a residual by dof is exactly zero in the equations of these fields, on all ranks.
+    /// Whether a residual by dof is exactly zero in the equations of these bodies, on all ranks.
     pub(super) fn solves(&self, system: &System, residual: &[f64]) -> bool {
         let mut open = false;
-        for_each_free(system, &self.fields, |dof| open |= residual[dof] != 0.0);
+        for_each_free(system, &self.bodies, |dof| open |= residual[dof] != 0.0);
         !system.team().any(open)
     }
 }
 
-fn for_each_free(system: &System, fields: &[bool], mut then: impl FnMut(usize)) {
-    for range in (0..fields.len()).filter(|k| fields[*k]).filter_map(|k| system.range(k)) {
-        range.filter(|dof| system.numbering.free[*dof] != FIXED).for_each(&mut then);
+fn for_each_free(system: &System, bodies: &[bool], mut then: impl FnMut(usize)) {
+    for body in (0..bodies.len()).filter(|body| bodies[*body]) {
+        system.dofs_of_body(body).filter(|dof| system.numbering.free[*dof] != FIXED).for_each(&mut then);
     }
 }

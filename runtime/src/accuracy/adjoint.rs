@@ -18,7 +18,7 @@ use wfl_compiler::backend::KernelBackend;
 use super::data::{around, to_cells};
 use crate::{
     FIXED, Form, Over, StateAt, System,
-    compare::{MEASURE, Solved, items, name, unknowns},
+    compare::{MEASURE, Solved, items, kinds, name},
     element::{DofEntity, Element},
     field::{Field, FieldSpace},
     mesh::{CellKind, Subdivision},
@@ -138,10 +138,10 @@ impl Pair<'_> {
     fn difference(&self, backend: &dyn KernelBackend, apart: StateAt<'_>) -> Result<Indicator, String> {
         let run = self.rich;
         let mut parts = vec![[0.0; 3]; run.scene.system.mesh.n_cells()];
-        for field in unknowns(run) {
-            let square = call(run, "Norm_sqr", vec![name(run, &format!("Grad_{field}"))]);
+        for (gradient, weight) in weighted(run, backend, "Grad_")? {
+            let square = call(run, "Norm_sqr", vec![gradient]);
             let found = run.scene.integrals_by_cell(&run.script, backend, &square, apart)?;
-            parts.iter_mut().zip(found).for_each(|(p, x)| *p = p.map(|p| p + x));
+            parts.iter_mut().zip(found).for_each(|(p, x)| *p = p.map(|p| p + weight * x));
         }
         Ok(Indicator { parts, size: None })
     }
@@ -178,12 +178,11 @@ impl Pair<'_> {
         let integrals = |integrand: &Expr, over: Over<'_>, state: &'s [f64]| {
             run.scene.derivative(&run.script, backend, integrand, over, at(state))
         };
-        let mut norms: Vec<Expr> = Vec::new();
-        match quantity {
-            "L2" => norms.extend(unknowns(run).map(|field| name(run, field))),
-            "H1" => norms.extend(unknowns(run).map(|field| name(run, &format!("Grad_{field}")))),
-            output => norms.extend(items(run).filter(|i| i.name == output).map(|i| i.expr.clone())),
-        }
+        let norms: Vec<(Expr, f64)> = match quantity {
+            "L2" => weighted(run, backend, "")?,
+            "H1" => weighted(run, backend, "Grad_")?,
+            output => items(run).filter(|i| i.name == output).map(|i| (i.expr.clone(), 1.0)).collect(),
+        };
         if norms.is_empty() {
             let wanted = quantity.strip_prefix(MEASURE).unwrap_or(quantity);
             let measure = run.script.measures.iter().find(|m| m.name.name == wanted);
@@ -218,14 +217,33 @@ impl Pair<'_> {
             return integrals(&measure.expr, Over::Regions(&measure.places), to);
         }
         let mut goal = vec![0.0; to.len()];
-        for quantity in norms {
+        for (quantity, weight) in norms {
             let square = call(run, "Norm_sqr", vec![quantity]);
             let [there, here] =
                 [integrals(&square, Over::Everywhere, to)?, integrals(&square, Over::Everywhere, from)?];
-            goal.iter_mut().zip(there.iter().zip(&here)).for_each(|(g, (a, b))| *g += a - b);
+            goal.iter_mut().zip(there.iter().zip(&here)).for_each(|(g, (a, b))| *g += weight * (a - b));
         }
         Ok(goal)
     }
+}
+
+/// The unknowns on cells, or what a prefix makes of them, and what brings their squares to one unit: one over those of all
+/// unknowns of their kind, where there are several.
+fn weighted(run: &Solved, backend: &dyn KernelBackend, prefix: &str) -> Result<Vec<(Expr, f64)>, String> {
+    let (kinds, mut out) = (kinds(run)?, Vec::new());
+    let last = run.outcome.steps.last().ok_or("there is no step")?;
+    let at = StateAt { system: &run.outcome.equations.system, window: last.window, unknowns: &last.state };
+    for kind in &kinds {
+        let of: Vec<Expr> = kind.fields.iter().map(|field| name(run, &format!("{prefix}{field}"))).collect();
+        let mut size = if kinds.len() > 1 { 0.0 } else { 1.0 };
+        for value in of.iter().filter(|_| kinds.len() > 1) {
+            let square = call(run, "Norm_sqr", vec![value.clone()]);
+            size += run.scene.integrals_by_cell(&run.script, backend, &square, at)?.iter().sum::<f64>();
+        }
+        let weight = if size > 0.0 && !kind.vanishes { 1.0 / size } else { 0.0 };
+        out.extend(of.into_iter().map(|value| (value, weight)));
+    }
+    Ok(out)
 }
 
 /// The power whose mean stands for the largest value. Even, so that signs do not count.

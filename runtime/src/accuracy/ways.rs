@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use wfl::{
     FieldKind, ResolvedScript,
-    ast::{ExprKind, Ident, MappingKind, Place, QuadratureRule, RegionExpr},
+    ast::{Expr, ExprKind, Ident, MappingKind, OptionValue, Place, QuadratureRule, RegionExpr},
 };
 use wfl_compiler::Class;
 
@@ -351,12 +351,37 @@ fn gcd(a: usize, b: usize) -> usize {
 pub fn lean(script: &mut ResolvedScript, own: &Scene, quantity: &str) {
     let output = script.outputs.iter().flat_map(|o| &o.items).any(|i| i.name == quantity);
     let name = quantity.strip_prefix(MEASURE).unwrap_or(quantity);
-    if output || !script.measures.iter().any(|m| m.name.name == name) {
+    if (output || !script.measures.iter().any(|m| m.name.name == name)) && !decides(script) {
         script.measures.clear();
+        script.computed.clear();
         script.quadratures.retain(|q| q.places.iter().any(|p| own.terms.iter().any(|t| t.place == p.name)));
     }
     script.expects.clear();
     drop_regions(script);
+}
+
+/// Whether an event, or a limit of the steps, is about a measure.
+fn decides(script: &ResolvedScript) -> bool {
+    let names: BTreeSet<&str> = script
+        .measures
+        .iter()
+        .map(|m| &m.name)
+        .chain(script.computed.iter().map(|c| &c.name))
+        .map(|name| name.name.as_str())
+        .collect();
+    let mut found = false;
+    let mut look = |e: &Expr| wfl::each_name(e, &mut |name| found |= names.contains(name));
+    for event in &script.events {
+        look(&event.larger);
+        look(&event.smaller);
+    }
+    let options = script.steps.iter().flat_map(|steps| &steps.options);
+    for option in options {
+        if let Some(OptionValue::Expr(e)) = &option.value {
+            look(e);
+        }
+    }
+    found
 }
 
 /// Leaves out the regions that no statement is about any more: a coarse mesh may have no member of them.

@@ -193,7 +193,11 @@ impl Asked {
             if scene.explicit.is_some() || scene.system.rates().is_some_and(|r| r.scheme().offset() != 0.0) {
                 return Err(within(name, declared.expr.span));
             }
-            let names: Vec<&str> = extended.live.iter().map(|live| live.name.as_str()).collect();
+            let mut names: Vec<&str> = extended.live.iter().map(|live| live.name.as_str()).collect();
+            if extended.has_motion() {
+                // the nodes move, and with them a lever
+                names.extend(["x", "y", "z", "X"]);
+            }
             not_in_weights(&declared.expr, &names)?;
             return Ok(Summed::Rows(rows.to_vec()));
         }

@@ -227,7 +227,11 @@ pub(super) fn not_in_weights(reaction: &Expr, live: &[&str]) -> Result<(), Box<D
     });
     let Some((span, name)) = found else { return Ok(()) };
     let d = message(format!("`{name}` multiplies what a reaction adds up: there it has no derivative yet"));
-    Err(Box::new(d.at(span, "").help("the reaction without the factor: its derivative times the factor is the same")))
+    let help = match name.as_str() {
+        "x" | "y" | "z" | "X" => "the mesh moves, and the lever with it: differences of whole runs (wfl sweep)",
+        _ => "the reaction without the factor: its derivative times the factor is the same",
+    };
+    Err(Box::new(d.at(span, "").help(help)))
 }
 
 /// Refuses what the derivatives of a run do not follow.

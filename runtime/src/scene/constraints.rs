@@ -22,7 +22,7 @@ use crate::{
     scene::{
         Parts, edges,
         mesh::{POSITIONS_ONLY, position_place, with_zeros},
-        normals::node_normals,
+        normals::{faces_of, held_faces, node_normals},
         terms::{component, restricted},
     },
     space::{Space, Support},
@@ -500,14 +500,11 @@ impl ConstraintMaker<'_> {
         position: usize,
         nodes: &[u32],
     ) -> Option<Vec<Vec<(Along, usize, f64)>>> {
-        let facets: Vec<FacetRef> = match &self.parts.regions.get(&place.name)?.set {
-            RegionSet::Facets(f) => f.clone(),
-            RegionSet::Interface(i) => i.iter().map(|p| p.here).collect(),
-            other => {
-                let d = Diagnostic::new(Code::E204, "`Normal` exists on faces only");
-                self.diagnostics.push(d.at(target.span, format!("`{}` is a region of {}", place.name, other.kind())));
-                return None;
-            }
+        let set = &self.parts.regions.get(&place.name)?.set;
+        let Some(facets) = faces_of(set) else {
+            let d = Diagnostic::new(Code::E204, "`Normal` exists on faces only");
+            self.diagnostics.push(d.at(target.span, format!("`{}` is a region of {}", place.name, set.kind())));
+            return None;
         };
         let (field, dim) = (&self.parts.fields[position], self.parts.mesh.dim());
         if field.n_components != dim {
@@ -517,7 +514,8 @@ impl ConstraintMaker<'_> {
             return None;
         }
         let FieldSpace::Nodal(space) = &field.space else { return None };
-        let normals = node_normals(self.parts.mesh, self.parts.topology, space, &facets);
+        let beside = held_faces(self.parts.script, self.parts.regions, &field.name);
+        let normals = node_normals(self.parts.mesh, self.parts.topology, space, &facets, &beside);
         let along = |normal: &[f64; 3]| match (0..dim).find(|k| (normal[*k].abs() - 1.0).abs() < ALIGNED) {
             Some(k) => (Along::Component(k), 0, normal[k].signum()),
             None => (Along::Direction(*normal), 0, 1.0),

@@ -18,7 +18,7 @@ use super::{
     Builder,
     constraints::{Contradiction, Prescribed},
     jumps,
-    normals::node_normals,
+    normals::{faces_of, held_faces, node_normals},
     options::Steps,
     terms::PlacedLaw,
 };
@@ -99,7 +99,7 @@ impl Builder<'_> {
                 }
             }
         }
-        let held: BTreeSet<u32> = space.nodes_at_mesh_nodes(nodes).into_iter().collect();
+        let held: BTreeSet<u32> = space.nodes_at_mesh_nodes(&self.mesh, nodes).into_iter().collect();
         let all = space.nodes_on_facets(&self.mesh, &self.topology, &facets);
         all.iter().filter(|n| !held.contains(n)).count()
     }
@@ -173,13 +173,9 @@ impl Builder<'_> {
 
     /// True if all nodes on the faces of a load along the normal are fixed along their normals.
     fn normals_held(&self, field: &Field, set: &RegionSet, prescribed: &Prescribed, start: usize) -> bool {
-        let facets: Vec<FacetRef> = match set {
-            RegionSet::Facets(f) => f.clone(),
-            RegionSet::Interface(i) => i.iter().map(|p| p.here).collect(),
-            _ => return false,
-        };
-        let FieldSpace::Nodal(space) = &field.space else { return false };
-        let normals = node_normals(&self.mesh, &self.topology, space, &facets);
+        let (Some(facets), FieldSpace::Nodal(space)) = (faces_of(set), &field.space) else { return false };
+        let beside = held_faces(self.script, &self.regions, &field.name);
+        let normals = node_normals(&self.mesh, &self.topology, space, &facets, &beside);
         let first = |node: &u32| start + *node as usize * field.n_components;
         !normals.is_empty() && normals.iter().all(|(n, list)| list.iter().all(|x| prescribed.holds(first(n), x)))
     }

@@ -15,6 +15,7 @@ use wfl_compiler::{ValueLaw, compile_value};
 use super::{
     Builder, Measure, Measured, RuleChoice, Taken, Turnover,
     constants::numbers,
+    covered::Asked,
     jumps, mappings,
     outputs::OutputMaker,
     reactions::Held,
@@ -49,9 +50,16 @@ pub(super) struct From<'a> {
 }
 
 impl Builder<'_> {
-    /// The rule of the terms on the place, so that measured forces are those that act and states are met; a higher one for
-    /// the integral of a polynomial that this rule does not integrate exactly.
-    fn rule_of_measure(&self, measure: &wfl::Measure, law: &ValueLaw, place: &str, rules: &terms::Rules) -> RuleChoice {
+    /// The parts of a place with the rule of the terms on each, so that measured forces are those that act and states are
+    /// met; a higher one for the integral of a polynomial that this rule does not integrate exactly.
+    fn rules_of_measure(
+        &self,
+        measure: &wfl::Measure,
+        law: &ValueLaw,
+        place: &str,
+        set: Option<RegionSet>,
+        rules: &terms::Rules,
+    ) -> Vec<(Option<RegionSet>, RuleChoice)> {
         let own = law.degree.rule();
         let given = self.script.quadratures.iter().flat_map(|q| &q.places).any(|p| p.name == place);
         let summed = matches!(measure.reduction, Reduction::Integral | Reduction::Mean);
@@ -61,12 +69,21 @@ impl Builder<'_> {
             Place::On(list) => list.iter().find_map(|p| rules.get(&p.name)),
             _ => rules.get("all"),
         };
-        let own_rule = rules.get(place).or_else(|| states_read(&self.fields, &law.inputs).find_map(of_state));
-        match own_rule.map(|choice| choice.through(law.mapping)) {
+        let of_state = states_read(&self.fields, &law.inputs).find_map(of_state);
+        let choose = |rule: Option<RuleChoice>| match rule.map(|choice| choice.through(law.mapping)) {
             Some(RuleChoice::Degree(degree)) if free => RuleChoice::Degree(degree.max(own)),
             Some(RuleChoice::Nodes { .. }) if free => RuleChoice::Degree(own),
             Some(choice) => choice,
             None => RuleChoice::Degree(own),
+        };
+        match set {
+            Some(set) if of_state.is_none() && !free => {
+                let mapping = law.mapping;
+                let asked = Asked { place, set: &set, is_given: given, is_kinked: law.degree.kinked, mapping };
+                let parts = asked.by_rule(&self.mesh, &self.regions, rules);
+                parts.into_iter().map(|(set, rule)| (Some(set), choose(rule))).collect()
+            }
+            set => vec![(set, choose(of_state.or_else(|| rules.get(place)).copied()))],
         }
     }
 
@@ -163,17 +180,19 @@ impl Builder<'_> {
                 self.diagnostics.push(d);
                 continue;
             }
-            let domain = match (&measure.at, &set) {
-                (MeasureAt::Nodes, Some(set)) => self.nodes_of(set, measure),
-                _ => {
-                    let rule = self.rule_of_measure(measure, &law, &place.name, rules);
-                    let there = mappings::fields_there(&law.inputs, []);
-                    let through = law.mapping.map(|mapping| mappings::Through { mapping, there, pieces: None });
-                    let parts = self.parts_of_measure(measure, set.as_ref(), &law, rule);
-                    self.domain(&(place.name.clone(), set, through), PointsOf { rule, parts }, measure.expr.span)
-                }
-            };
-            parts.extend(domain.and_then(|domain| self.taken(measure, law, domain)));
+            if let (MeasureAt::Nodes, Some(set)) = (&measure.at, &set) {
+                let domain = self.nodes_of(set, measure);
+                parts.extend(domain.and_then(|domain| self.taken(measure, law, domain)));
+                continue;
+            }
+            for (set, rule) in self.rules_of_measure(measure, &law, &place.name, set, rules) {
+                let there = mappings::fields_there(&law.inputs, []);
+                let through = law.mapping.map(|mapping| mappings::Through { mapping, there, pieces: None });
+                let pieces = self.parts_of_measure(measure, set.as_ref(), &law, rule);
+                let points = PointsOf { rule, parts: pieces };
+                let domain = self.domain(&(place.name.clone(), set, through), points, measure.expr.span);
+                parts.extend(domain.and_then(|domain| self.taken(measure, law.clone(), domain)));
+            }
         }
         parts
     }

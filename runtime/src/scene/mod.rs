@@ -16,6 +16,7 @@ mod constants;
 mod constraints;
 mod context;
 mod coverage;
+mod covered;
 mod cut;
 mod edges;
 mod effects;

@@ -2,27 +2,53 @@
 //!
 //! The normal of a face is taken at the node itself, so that curved faces give the normal of their geometry. Faces
 //! that meet at a node at less than [`SMOOTH`] are one smooth surface there, with the mean of their normals weighted by
-//! area; at a sharper edge the node has the normals of both sides.
+//! area; at a sharper edge the node has the normals of both sides. A surface that is held in pieces, by a list of regions or
+//! by several statements, is the same surface: at a seam its nodes have one normal.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
+use wfl::{ResolvedScript, ast::TargetPart};
+
+use super::regions::Regions;
 use crate::{
-    mesh::{FacetRef, Mesh, Topology},
+    mesh::{FacetRef, Mesh, RegionSet, Topology},
     space::{Space, Support},
 };
 
 /// Cosine of the angle between normals below which faces are one smooth surface: 30 degrees.
 const SMOOTH: f64 = 0.866_025_403_784_438_6;
 
-/// By node of `space` its normals on `facets`, outward as seen from the named side.
+/// The faces of a region, seen from the named side; `None` for a region of others.
+pub(super) fn faces_of(set: &RegionSet) -> Option<Vec<FacetRef>> {
+    match set {
+        RegionSet::Facets(facets) => Some(facets.clone()),
+        RegionSet::Interface(pairs) => Some(pairs.iter().map(|p| p.here).collect()),
+        RegionSet::Cells(_) | RegionSet::Edges(_) | RegionSet::Nodes(_) => None,
+    }
+}
+
+/// All faces on which a field is held along normals, in an order of their own.
+pub(super) fn held_faces(script: &ResolvedScript, regions: &Regions, field: &str) -> Vec<FacetRef> {
+    let is_normal = |target: &&wfl::ast::Target| target.field.name == field && target.part == TargetPart::Normal;
+    let statements = script.fixes.iter().filter(|fix| fix.targets.iter().any(|target| is_normal(&target)));
+    let sets = statements.flat_map(|fix| &fix.places).filter_map(|place| regions.get(&place.name));
+    let all: BTreeSet<FacetRef> = sets.filter_map(|region| faces_of(&region.set)).flatten().collect();
+    all.into_iter().collect()
+}
+
+/// By node of `space` its normals on `facets`, outward as seen from the named side; `beside` are all faces of the surfaces
+/// that these may be a part of.
 pub(super) fn node_normals(
     mesh: &Mesh,
     topology: &Topology,
     space: &Space,
     facets: &[FacetRef],
+    beside: &[FacetRef],
 ) -> BTreeMap<u32, Vec<[f64; 3]>> {
-    let mut parts: BTreeMap<u32, Vec<[f64; 3]>> = BTreeMap::new();
-    for facet in facets {
+    let own_faces: BTreeSet<FacetRef> = facets.iter().copied().collect();
+    let others = facets.iter().filter(|facet| beside.binary_search(facet).is_err());
+    let mut parts: BTreeMap<u32, Vec<([f64; 3], bool)>> = BTreeMap::new();
+    for facet in beside.iter().chain(others) {
         let sides = [(Some(*facet), 1.0), (topology.opposite(*facet), -1.0)];
         let found = sides.into_iter().filter_map(|(side, sign)| Some((side?, sign, nodes_of(mesh, space, side?)?)));
         let mut own: Vec<u32> = Vec::new();
@@ -38,11 +64,12 @@ pub(super) fn node_normals(
             let table = mesh.geometry_element(kind).tabulate(&points, 1);
             for (q, (node, _)) in nodes.iter().enumerate() {
                 let area = area_vector(mesh, side, mesh.jacobian_at(side.cell, &table, q));
-                parts.entry(*node).or_default().push(area.map(|x| sign * x));
+                parts.entry(*node).or_default().push((area.map(|x| sign * x), own_faces.contains(facet)));
             }
         }
     }
-    parts.into_iter().map(|(node, list)| (node, grouped(&list))).collect()
+    let normals = parts.into_iter().map(|(node, list)| (node, grouped(&list)));
+    normals.filter(|(_, list)| !list.is_empty()).collect()
 }
 
 /// Nodes of a space on a face with their reference points in its cell; `None` where the space is not.
@@ -89,16 +116,17 @@ fn area_vector(mesh: &Mesh, facet: FacetRef, jacobian: [[f64; 3]; 3]) -> [f64; 3
     [0, 1, 2].map(|d| normal[d] * size)
 }
 
-/// Unit normals of the smooth surfaces among area vectors, in the order of their first faces.
-fn grouped(areas: &[[f64; 3]]) -> Vec<[f64; 3]> {
-    let mut sums: Vec<nalgebra::Vector3<f64>> = Vec::new();
-    for area in areas {
+/// Unit normals of the smooth surfaces among area vectors, in the order of their first faces, of those that have a face that
+/// is asked for.
+fn grouped(areas: &[([f64; 3], bool)]) -> Vec<[f64; 3]> {
+    let mut sums: Vec<(nalgebra::Vector3<f64>, bool)> = Vec::new();
+    for (area, is_own) in areas {
         let area = nalgebra::Vector3::from(*area);
-        let smooth = |sum: &&mut nalgebra::Vector3<f64>| sum.normalize().dot(&area.normalize()) > SMOOTH;
+        let smooth = |(sum, _): &&mut (nalgebra::Vector3<f64>, bool)| sum.normalize().dot(&area.normalize()) > SMOOTH;
         match sums.iter_mut().find(smooth) {
-            Some(sum) => *sum += area,
-            None => sums.push(area),
+            Some((sum, own)) => (*sum, *own) = (*sum + area, *own || *is_own),
+            None => sums.push((area, *is_own)),
         }
     }
-    sums.into_iter().map(|s| s.normalize().into()).collect()
+    sums.into_iter().filter(|(_, own)| *own).map(|(sum, _)| sum.normalize().into()).collect()
 }

@@ -97,8 +97,8 @@ impl TermMaker<'_> {
             ));
         }
         let (mut own, mut missing, mut torn) = (Vec::with_capacity(nodes.len()), Vec::new(), Vec::new());
-        for node in nodes {
-            match space.nodes_at_mesh_nodes(std::slice::from_ref(node)).as_slice() {
+        for (node, found) in nodes.iter().zip(space.by_mesh_node(self.parts.mesh, nodes)) {
+            match found.as_slice() {
                 [] => missing.push(*node),
                 [one] => own.push(*one),
                 _ => torn.push(*node),

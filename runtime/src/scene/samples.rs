@@ -32,6 +32,12 @@ pub struct Samples {
     pub name: String,
     /// `body 1`, `body 2`, … or the name of a region of faces.
     pub home: String,
+    /// The kind of unknowns that it belongs to, by the first field of that kind; empty for other quantities.
+    #[serde(default)]
+    pub kind: String,
+    /// All is what rounding leaves of zero.
+    #[serde(default)]
+    pub vanishes: bool,
     /// Entries of the value.
     pub components: usize,
     /// Positions, in the unit of the mesh.

@@ -17,6 +17,7 @@ use wfl_compiler::{
 
 use super::{
     Builder, Parts, RuleChoice,
+    covered::Asked,
     fields::{global_place, place_sig, support},
     mappings::{Through, fields_there},
     rule_choice::states_read,
@@ -196,8 +197,25 @@ impl Builder<'_> {
                     (most, _) => most,
                 });
             let own = states.iter().filter(|s| shared.states.contains(&s.field)).map(|s| s.law.degree.rule()).max();
+            let at_nodes = || {
+                states.iter().filter(|s| shared.states.contains(&s.field)).find_map(|s| self.nodes_of_terms(s, rules))
+            };
+            let largest = match largest {
+                None | Some(RuleChoice::Degree(_)) => at_nodes().or(largest),
+                other => other,
+            };
             let choice = said.first().map(|s| s.1).or(largest).unwrap_or(RuleChoice::Degree(own.unwrap_or(1)));
             rules.extend(shared.places.into_iter().map(|p| (p, choice)));
+        }
+    }
+
+    /// The rule at nodes that terms have on all entities of a state whose update has kinks.
+    fn nodes_of_terms(&self, state: &StateLaw, rules: &Rules) -> Option<RuleChoice> {
+        let (set, is_kinked) = (state.set.as_ref()?, state.law.degree.kinked);
+        let asked = Asked { place: "", set, is_given: false, is_kinked, mapping: state.law.mapping };
+        match asked.by_rule(&self.mesh, &self.regions, rules).as_slice() {
+            [(_, Some(choice @ RuleChoice::Nodes { .. }))] => Some(*choice),
+            _ => None,
         }
     }
 

@@ -8,6 +8,9 @@ use std::collections::{BTreeMap, BTreeSet};
 /// The variable of the environment that changes one constant: `file:NAME=factor`.
 pub(super) const VARIABLE: &str = "WFL_VARIED";
 
+/// The variable of the environment that names a folder, where each constant that is asked for leaves a file.
+pub(super) const ASKED: &str = "WFL_ASKED";
+
 /// Names of constants by the file that declares them, as it is named in the crate.
 pub(super) type Names = BTreeMap<String, BTreeSet<String>>;
 
@@ -22,6 +25,15 @@ pub fn varied<T: Scaled>(name: &str, value: T) -> T {
         let (name, factor) = text.split_once('=')?;
         Some((name.to_owned(), factor.parse().ok()?))
     });
+    static ASKED: std::sync::OnceLock<Option<String>> = std::sync::OnceLock::new();
+    static TOLD: std::sync::Mutex<std::collections::BTreeSet<String>> = std::sync::Mutex::new(std::collections::BTreeSet::new());
+    if let Some(folder) = ASKED.get_or_init(|| std::env::var("WFL_ASKED").ok()) {
+        let mut told = TOLD.lock().expect("nobody fails with it");
+        if !told.contains(name) {
+            told.insert(name.to_owned());
+            let _ = std::fs::write(format!("{folder}/{}", name.replace('/', "!")), "");
+        }
+    }
     match given {
         Some((varied, factor)) if varied == name => value.times(*factor),
         _ => value,

@@ -10,12 +10,12 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::rewritten::{Names, SOURCE, VARIABLE, rewritten};
+use super::rewritten::{ASKED, Names, SOURCE, VARIABLE, rewritten};
 use super::{FOLDERS, constants_in};
 
-/// What a constant is multiplied by: downwards and upwards, the nearer one first; what fails at the nearer one is not tried
-/// at the farther one.
-const FACTORS: [[f64; 2]; 2] = [[0.5, 0.1], [2.0, 10.0]];
+/// What a constant is multiplied by: downwards and upwards, the farther one first; where that passes, the nearer one is not
+/// tried.
+const FACTORS: [[f64; 2]; 2] = [[0.1, 0.5], [10.0, 2.0]];
 /// A suite that takes so many times as long as without a change, and [`PATIENCE`] more, has failed: an iteration that no
 /// longer ends.
 const SLOWER: u32 = 4;
@@ -25,9 +25,28 @@ const ATTEMPTS: usize = 8;
 
 /// Packages whose suites are built, and the suites of them that are run: unit tests of crates by the names of these, and
 /// programs of tests.
-const PACKAGES: [&str; 5] = ["wfl-tests", "wfl-cli", "wfl-newton", "wfl-contact", "wfl-checks"];
-/// The suites, in the order in which they are run: quick ones first.
-pub const SUITES: [&str; 6] = ["wfl_newton", "wfl_contact", "wfl_checks", "robust", "scenes", "pairs"];
+const PACKAGES: [&str; 5] = ["wfl-suites", "wfl-cli", "wfl-newton", "wfl-contact", "wfl-checks"];
+/// The suites, in the order in which they are run, quick ones first: the program that has them, and the part of it.
+pub const SUITES: [[&str; 2]; 6] = [
+    ["wfl_newton", ""],
+    ["wfl_contact", ""],
+    ["wfl_checks", ""],
+    ["suites", "robust::"],
+    ["suites", "scenes::"],
+    ["command", "pairs::"],
+];
+
+/// What is told of a constant that no suite asks for.
+pub const UNREAD: &str = "no suite asks for it";
+
+/// What a suite is called: the part of its program, or the program.
+#[must_use]
+pub fn name_of([program, part]: [&'static str; 2]) -> &'static str {
+    match part {
+        "" => program,
+        part => part.trim_end_matches(':'),
+    }
+}
 
 /// Within which factors of a constant the suites pass.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,9 +90,13 @@ pub fn write_ranges(ranges: &[Range]) -> String {
 /// A suite that was built.
 struct Suite {
     name: &'static str,
+    /// The part of its program, as a filter of tests.
+    part: &'static str,
     program: PathBuf,
     folder: PathBuf,
     usual: Duration,
+    /// The constants that it asks for.
+    reads: BTreeSet<String>,
 }
 
 /// The copy of the workspace.
@@ -179,7 +202,9 @@ impl VariedWorkspace {
         self.suites.clear();
         // all at once: other packages alone select other features, with which everything below is built again
         let packages = PACKAGES.iter().flat_map(|package| ["-p", package]);
-        let programs = SUITES.iter().filter(|suite| !suite.starts_with("wfl_")).flat_map(|suite| ["--test", suite]);
+        let programs: BTreeSet<&str> =
+            SUITES.iter().filter(|[_, part]| !part.is_empty()).map(|[program, _]| *program).collect();
+        let programs = programs.into_iter().flat_map(|program| ["--test", program]);
         let output = Command::new("cargo")
             .current_dir(&self.root)
             .args(["test", "--release", "--no-run", "--message-format=json", "--lib"])
@@ -193,14 +218,15 @@ impl VariedWorkspace {
         if !output.status.success() {
             return self.blamed(root, &messages);
         }
-        for name in SUITES {
-            let built = messages.iter().find(|m| m["profile"]["test"] == true && m["target"]["name"] == name);
+        for [program, part] in SUITES {
+            let name = name_of([program, part]);
+            let built = messages.iter().find(|m| m["profile"]["test"] == true && m["target"]["name"] == program);
             let text = |key: &str| built.and_then(|m| m[key].as_str()).map(PathBuf::from);
             let (Some(program), Some(manifest)) = (text("executable"), text("manifest_path")) else {
                 return Err(io::Error::other(format!("{name} has no program")));
             };
             let folder = manifest.parent().map(Path::to_path_buf).unwrap_or_default();
-            self.suites.push(Suite { name, program, folder, usual: Duration::ZERO });
+            self.suites.push(Suite { name, part, program, folder, usual: Duration::ZERO, reads: BTreeSet::new() });
         }
         Ok(BTreeSet::new())
     }
@@ -231,7 +257,7 @@ impl VariedWorkspace {
         }
     }
 
-    /// Runs all suites as they are, for the time that they take.
+    /// Runs all suites as they are, for the time that they take and the constants that they ask for.
     ///
     /// # Errors
     /// The first that fails.
@@ -239,19 +265,26 @@ impl VariedWorkspace {
         let mut all = Duration::ZERO;
         for suite in &mut self.suites {
             let start = Instant::now();
-            if !suite.passes("", Duration::from_secs(3600))? {
+            let asked = self.root.join(format!("asked-{}", suite.name));
+            std::fs::create_dir_all(&asked)?;
+            if !suite.passes([ASKED, &asked.display().to_string()], Duration::from_secs(3600))? {
                 return Err(io::Error::other(format!("{} fails without a change", suite.name)));
             }
             suite.usual = start.elapsed();
             all += suite.usual;
+            for name in std::fs::read_dir(&asked)? {
+                suite.reads.insert(name?.file_name().to_string_lossy().replace('!', "/"));
+            }
+            std::fs::remove_dir_all(&asked)?;
         }
         Ok(all)
     }
 
-    /// The first suite that fails with one constant changed.
-    fn failing(&self, change: &str) -> io::Result<Option<&str>> {
-        for suite in &self.suites {
-            if !suite.passes(change, suite.usual * SLOWER + PATIENCE)? {
+    /// The first suite that fails with a constant times a factor; one that does not ask for it cannot.
+    fn failing(&self, constant: &str, factor: f64) -> io::Result<Option<&str>> {
+        let change = format!("{constant}={factor}");
+        for suite in self.suites.iter().filter(|suite| suite.reads.contains(constant)) {
+            if !suite.passes([VARIABLE, &change], suite.usual * SLOWER + PATIENCE)? {
                 return Ok(Some(suite.name));
             }
         }
@@ -269,13 +302,17 @@ impl VariedWorkspace {
             passes: [1.0; 2],
             fails: [String::new(), String::new()],
         };
+        if !self.suites.iter().any(|suite| suite.reads.contains(constant)) {
+            range.fails = [UNREAD.to_owned(), UNREAD.to_owned()];
+            return Ok(range);
+        }
         for (side, factors) in FACTORS.into_iter().enumerate() {
             for factor in factors {
-                if let Some(suite) = self.failing(&format!("{constant}={factor}"))? {
-                    suite.clone_into(&mut range.fails[side]);
+                let Some(suite) = self.failing(constant, factor)? else {
+                    range.passes[side] = factor;
                     break;
-                }
-                range.passes[side] = factor;
+                };
+                suite.clone_into(&mut range.fails[side]);
             }
         }
         Ok(range)
@@ -283,9 +320,10 @@ impl VariedWorkspace {
 }
 
 impl Suite {
-    fn passes(&self, change: &str, within: Duration) -> io::Result<bool> {
+    fn passes(&self, [variable, value]: [&str; 2], within: Duration) -> io::Result<bool> {
         let mut command = Command::new(&self.program);
-        command.current_dir(&self.folder).env(VARIABLE, change).stdout(Stdio::null()).stderr(Stdio::null());
+        command.args((!self.part.is_empty()).then_some(self.part));
+        command.current_dir(&self.folder).env(variable, value).stdout(Stdio::null()).stderr(Stdio::null());
         let mut child = command.spawn()?;
         let start = Instant::now();
         loop {

@@ -91,7 +91,7 @@ pub fn assert_holds(id: &str) {
     assert!(!list.is_empty(), "no benchmark {id}");
     for benchmark in list {
         if benchmark.slow && cfg!(debug_assertions) {
-            eprintln!("skipped: {id} runs in the release suite (cargo test --release -p wfl-tests)");
+            eprintln!("skipped: {id} runs in the release suite (cargo test --release -p wfl-suites)");
             continue;
         }
         let cases = (benchmark.run)();

@@ -2,7 +2,7 @@
 
 use wfl_compiler::{InterpreterBackend, first_non_finite, types::PlaceKind};
 
-use crate::point::{As, Outcome, State, compile, compile_on, scalar};
+use super::point::{As, Outcome, State, compile, compile_on, scalar};
 
 const I: InterpreterBackend = InterpreterBackend;
 

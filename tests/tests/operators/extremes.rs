@@ -4,7 +4,7 @@
 use wfl_compiler::{InterpreterBackend, TermLaw, backend::KernelBackend, types::InputSlot};
 use wfl_jit::JitBackend;
 
-use crate::point::{As, State, compile, run, scalar};
+use super::point::{As, State, compile, run, scalar};
 
 /// Expressions with f(s x) = s^degree f(x) in all fields together, and the largest power of two for s that they allow.
 const HOMOGENEOUS: &[(&str, i32, i32)] = &[

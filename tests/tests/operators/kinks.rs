@@ -3,7 +3,7 @@
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend, types::FieldOp};
 use wfl_jit::JitBackend;
 
-use crate::point::{As, Outcome, State, compile, scalar};
+use super::point::{As, Outcome, State, compile, scalar};
 
 /// Both backends.
 fn everywhere(test: impl Fn(&dyn KernelBackend)) {

@@ -4,7 +4,7 @@
 use wfl_compiler::{OpDef, TangentSampling, TermLaw, check_tangent, functions};
 use wfl_jit::JitBackend;
 
-use crate::point::{As, compile};
+use super::point::{As, compile};
 
 /// More expressions, beside the samples of the registry.
 const MORE: &[&str] = &[

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
 use wfl_jit::JitBackend;
 
-use crate::point::{As, Outcome, State, compile, scalar};
+use super::point::{As, Outcome, State, compile, scalar};
 
 #[derive(Deserialize)]
 struct Vectors {
@@ -32,7 +32,7 @@ struct Ball {
 }
 
 fn vectors() -> Vectors {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/reference/physics_derivatives.json");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../reference/physics_derivatives.json");
     let text = std::fs::read_to_string(path).expect("the reference file");
     let vectors: Vectors = serde_json::from_str(&text).expect("its format");
     // the extremes must come through the reader bit by bit

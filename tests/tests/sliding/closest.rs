@@ -62,7 +62,7 @@ fn largest(of: &[f64]) -> f64 {
 /// of a program that works them out by complex steps through the closest points.
 #[test]
 fn forces_and_tangents_are_those_of_complex_steps() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("reference");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference");
     let cases = reference("sliding_closest.json");
     let mut ranks = [0; 3];
     for case in cases["cases"].as_array().expect("a list") {

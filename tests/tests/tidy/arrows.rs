@@ -132,7 +132,23 @@ pub(super) const ARROWS: &[(&str, &str, &[&str])] = &[
     (
         "wfl-tests",
         "tests",
-        &["wfl", "wfl-compiler", "wfl-jit", "wfl-report", "wfl-runtime", "rayon", "serde", "serde_json", "proptest"],
+        &["wfl", "wfl-compiler", "wfl-jit", "wfl-report", "wfl-runtime", "rayon", "serde", "serde_json"],
+    ),
+    (
+        "wfl-suites",
+        "tests/tests",
+        &[
+            "wfl",
+            "wfl-compiler",
+            "wfl-jit",
+            "wfl-report",
+            "wfl-runtime",
+            "wfl-tests",
+            "proptest",
+            "rayon",
+            "serde",
+            "serde_json",
+        ],
     ),
 ];
 
@@ -276,10 +292,12 @@ fn unsafe_code_stands_only_in_the_jit_in_the_allocator_and_at_the_door_to_petsc(
     for door in ["runtime/petsc/src/lib.rs", "runtime/host/src/lib.rs"] {
         assert!(read(door).contains("#![deny(unsafe_code)]"), "{door} has files with it");
     }
-    for (name, folder, _) in ARROWS.iter().filter(|a| !matches!(a.0, "wfl-jit" | "wfl-petsc" | "wfl-host")) {
+    for (name, folder, _) in
+        ARROWS.iter().filter(|a| !matches!(a.0, "wfl-jit" | "wfl-petsc" | "wfl-host" | "wfl-suites"))
+    {
         let candidates = ["lib.rs", "main.rs"].map(|f| format!("{folder}/src/{f}"));
         let door = candidates.iter().find(|p| root().join(p).is_file()).expect("a crate has a door");
-        // the suites have no code of their own worth the attribute; the check of their text below is enough
+        // what suites share has no code of its own worth the attribute; the check of their text below is enough
         assert!(*name == "wfl-tests" || read(door).contains("#![forbid(unsafe_code)]"), "{door} allows unsafe code");
     }
     let word = concat!("un", "safe");

@@ -183,7 +183,7 @@ fn corners_of_a_part_are_found_by_mesh_node() {
     let cells = [CellId::new(1)];
     let space = Space::on_cells(&mesh, &topology, &cells, 2, Family::Continuous).unwrap();
     let nodes: Vec<NodeId> = [0, 1, 5].map(NodeId::new).to_vec();
-    let found = space.nodes_at_mesh_nodes(&nodes);
+    let found = space.nodes_at_mesh_nodes(&mesh, &nodes);
     let places: Vec<[f64; 3]> = found.iter().map(|n| space.node_coordinates()[*n as usize]).collect();
     assert_eq!(places, [[0.5, 0.0, 0.0], [1.0, 0.5, 0.0]]);
     let edge = boundary_of(&mesh, &topology, &cells);

@@ -68,16 +68,4 @@ impl System {
     pub fn extent(&self) -> f64 {
         self.extent
     }
-
-    /// By field: the largest number by dof of all fields that it meets, on any rank.
-    #[must_use]
-    pub fn largest_of_groups(&self, numbers: &[f64]) -> Vec<f64> {
-        let mut own = self.largest_by_field(numbers);
-        self.team().max(&mut own);
-        let mut groups = vec![0.0f64; own.len()];
-        for (size, group) in own.iter().zip(&self.meets) {
-            groups[*group] = groups[*group].max(*size);
-        }
-        self.meets.iter().map(|group| groups[*group]).collect()
-    }
 }

@@ -1,7 +1,5 @@
 //! Looks at a state: forces by term, fields of one unit, numbers that are not finite.
 
-use wfl_compiler::types::FieldKind;
-
 use super::{FIXED, Residual, System, Tangent};
 use crate::assemble::{AssembledTerm, TermError};
 use crate::finite::{BadState, largest as largest_of};
@@ -18,23 +16,12 @@ impl System {
         self.meets[field]
     }
 
-    /// By unknown field: the largest entry of `v` over the largest of `u` among the fields of its unit and size. Fields
-    /// that are all zero are left out.
+    /// By body of unknown fields: the largest entry of `v` over the largest of `u` among the bodies of its unit and size.
+    /// Bodies that are all zero are left out.
     #[must_use]
     pub fn relative_sizes(&self, u: &[f64], v: &[f64]) -> Vec<(usize, f64)> {
-        let unknown = |k: &usize| self.fields[*k].kind == FieldKind::Unknown && self.range(*k).is_some();
-        let largest = |w: &[f64], k: usize| {
-            let kind = (0..self.fields.len()).filter(unknown).filter(|f| self.alike(*f) == self.alike(k));
-            let values = kind.filter_map(|f| self.range(f)).flat_map(|r| w[r].iter());
-            largest_of(values.copied())
-        };
-        let of = |w: &[f64]| {
-            let mut sizes: Vec<f64> = (0..self.fields.len()).filter(unknown).map(|k| largest(w, k)).collect();
-            self.team().max(&mut sizes);
-            sizes
-        };
-        let sizes = (0..self.fields.len()).filter(unknown).zip(of(u).into_iter().zip(of(v)));
-        sizes.filter(|(_, (of_u, _))| *of_u > 0.0).map(|(k, (of_u, of_v))| (k, of_v / of_u)).collect()
+        let [of_u, of_v] = [u, v].map(|w| self.largest_of_alike(w));
+        self.unknown_bodies().filter(|body| of_u[*body] > 0.0).map(|body| (body, of_v[body] / of_u[body])).collect()
     }
 
     /// Refuses numbers by dof that are not finite, of the state `u`.
@@ -80,18 +67,18 @@ impl System {
         self.residual_of(&self.terms[term], u, out)
     }
 
-    /// Whether the values of a field are what rounding leaves of zero: other forces cancel in its equations (the load of an
+    /// Whether the values of a body are what rounding leaves of zero: other forces cancel in its equations (the load of an
     /// undrained body and the pressure in its pores), and no displacement is left. They are below `ZERO` of what cancels,
     /// over the stiffness of each equation. Or they are what rounding leaves of positions.
     #[must_use]
-    pub fn is_zero_but_for_rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent, field: usize) -> bool {
-        if self.is_rounding_of_positions(u, field) {
+    pub fn is_zero_but_for_rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent, body: usize) -> bool {
+        if self.are_rounding_of_positions(u, self.field_of_body(body), self.dofs_of_body(body)) {
             return true;
         }
         let sizes = self.sizes(u, here, tangent);
         let operator = tangent.operator().or_else(|| self.operator());
         let (mut found, mut natural) = (0.0f64, 0.0f64);
-        for d in self.range(field).unwrap_or_default() {
+        for d in self.dofs_of_body(body) {
             found = found.max(u[d].abs());
             let free = self.numbering.free[d];
             if free != FIXED {

@@ -49,11 +49,11 @@ impl System {
         out
     }
 
-    /// By field: the largest row sum of |K| of the changing terms among the fields that it meets, on any rank: the stiffness
+    /// By body: the largest row sum of |K| of the changing terms among the bodies that it meets, on any rank: the stiffness
     /// against a motion of all neighbours one against the other.
     #[must_use]
     pub fn stiffness(&self, tangent: &Tangent) -> Vec<f64> {
-        self.largest_of_groups(&self.row_sums(tangent, |_| true))
+        self.largest_of_alike(&self.row_sums(tangent, |_| true))
     }
 
     /// By dof, in the rows of this rank: the sum of |K| of the changing terms over some columns, over all where they are applied.
@@ -73,14 +73,18 @@ impl System {
         out
     }
 
-    /// Whether the values of a field at `u` are rounding of the positions that a law adds them to.
-    #[must_use]
-    pub fn is_rounding_of_positions(&self, u: &[f64], field: usize) -> bool {
+    /// Whether the values of some dofs of a field at `u` are rounding of the positions that a law adds them to.
+    pub(super) fn are_rounding_of_positions(&self, u: &[f64], field: usize, dofs: impl Iterator<Item = usize>) -> bool {
         let Placed { fields, farthest } = &self.placed;
         if fields.get(field) != Some(&true) {
             return false;
         }
-        let found = self.team().largest(self.range(field).map_or(0.0, |range| largest(u[range].iter().copied())));
-        found <= UNITS * f64::EPSILON * farthest
+        self.team().largest(largest(dofs.map(|dof| u[dof]))) <= UNITS * f64::EPSILON * farthest
+    }
+
+    /// Whether the values of a field at `u` are rounding of the positions that a law adds them to.
+    #[must_use]
+    pub fn is_rounding_of_positions(&self, u: &[f64], field: usize) -> bool {
+        self.are_rounding_of_positions(u, field, self.range(field).unwrap_or_default())
     }
 }

@@ -17,7 +17,7 @@ pub struct Residual {
     pub linear_sizes: Vec<f64>,
     /// By term: the branches of its kinks as the term is written; without entries for terms without kinks.
     pub branches: Vec<BranchCounts>,
-    /// By field: the largest contribution of one class of terms to one entry (force).
+    /// By body: the largest contribution of one class of terms to one entry (force).
     pub forces: Vec<f64>,
     /// How linear terms were evaluated.
     pub linear: LinearTerms,
@@ -35,7 +35,7 @@ impl System {
         let mut out = self.constant.clone();
         let mut sum = Residual {
             linear_sizes: self.constant_sizes.clone(),
-            forces: self.largest_by_field(&self.constant),
+            forces: self.largest_by_body(&self.constant),
             linear: form.linear,
             ..Residual::default()
         };
@@ -152,7 +152,7 @@ impl System {
     }
 
     fn grow(&self, forces: &mut [f64], part: &[f64]) {
-        let sizes = self.largest_by_field(part);
+        let sizes = self.largest_by_body(part);
         for (f, s) in forces.iter_mut().zip(sizes) {
             *f = largest([*f, s]);
         }

@@ -2,7 +2,7 @@
 
 use wfl_compiler::types::{FieldKind, Side};
 
-use super::{FIXED, LinearTerms, Residual, System, Tangent};
+use super::{LinearTerms, Residual, System, Tangent};
 use crate::{assemble::AssembledTerm, field::Field, finite::largest};
 
 /// Where unknowns are below this part of the extent of the mesh, what cancels inside the laws of bodies is asked for: above,
@@ -10,65 +10,58 @@ use crate::{assemble::AssembledTerm, field::Field, finite::largest};
 const SMALL: f64 = 1e-3;
 
 impl System {
-    /// By field: what relative residuals are relative to. For unknowns the largest nodal force of loads, linear or
-    /// nonlinear terms, of all fields that meet on an interface (a body that nothing touches has no force of its own);
+    /// By body: what relative residuals are relative to. For unknowns the largest nodal force of loads, linear or
+    /// nonlinear terms, of all bodies that meet on an interface (one that nothing touches has no force of its own);
     /// for multipliers, whose equations balance inside one term, the size of what cancels: of [`Self::sizes`].
     #[must_use]
     pub fn scales(&self, here: &Residual, sizes: &[f64]) -> Vec<f64> {
-        let mut sizes = self.largest_by_field(sizes);
+        let mut sizes = self.largest_by_body(sizes);
         self.team().max(&mut sizes);
-        let mut forces = vec![0.0f64; self.fields.len()];
-        for (force, group) in here.forces.iter().zip(&self.meets) {
-            forces[*group] = largest([forces[*group], *force]);
-        }
-        (0..self.fields.len())
-            .map(|k| match self.fields[k].kind {
-                FieldKind::Multiplier => sizes[k],
-                _ => forces[self.meets[k]],
-            })
-            .collect()
+        let forces = self.among_alike(&here.forces);
+        let is_multiplier = |b: usize| self.fields[self.field_of_body(b)].kind == FieldKind::Multiplier;
+        (0..sizes.len()).map(|b| if is_multiplier(b) { sizes[b] } else { forces[b] }).collect()
     }
 
-    /// By field, for multipliers beside forces of these sizes: the value whose force at nodes is as large as the largest
-    /// force, and what that value is in the equations of the multiplier. Zero for other fields, and where no force acts.
+    /// By body, for multipliers beside forces of these sizes: the value whose force at nodes is as large as the largest
+    /// force, and what that value is in the equations of the multiplier. Zero for other bodies, and where no force acts.
     /// A traction that a law makes zero has nothing else to be measured against: what it is made of is zero with it.
     #[must_use]
     pub fn multipliers_beside(&self, forces: &[f64], tangent: &Tangent) -> Vec<[f64; 2]> {
-        let mut out = vec![[0.0; 2]; self.fields.len()];
-        for (field, found) in out.iter_mut().enumerate() {
-            let (FieldKind::Multiplier, Some(own)) = (self.fields[field].kind, self.range(field)) else { continue };
+        let mut out = vec![[0.0; 2]; self.n_bodies()];
+        let kind = |body: usize| self.fields[self.field_of_body(body)].kind;
+        for (body, found) in out.iter_mut().enumerate().filter(|(body, _)| kind(*body) == FieldKind::Multiplier) {
             let mut ones = vec![0.0; self.numbering.n_dofs];
-            ones[own].fill(1.0);
+            self.dofs_of_body(body).for_each(|dof| ones[dof] = 1.0);
             let (mut part, mut sums) = (ones.clone(), ones.clone());
             if !self.multiply_linear(&ones, None, [&mut part, &mut sums, &mut []]) {
                 sums.fill(0.0);
             }
-            let changing = self.row_sums(tangent, |dof| self.field_of(dof as usize) == field);
+            let changing = self.row_sums(tangent, |dof| self.body_of(dof as usize) == body);
             sums.iter_mut().zip(changing).for_each(|(sum, changing)| *sum += changing);
-            let mut rows = self.largest_by_field(&sums);
+            let mut rows = self.largest_by_body(&sums);
             self.team().max(&mut rows);
-            let acts_on = |k: &usize| self.fields[*k].kind == FieldKind::Unknown && rows[*k] > 0.0;
+            let acts_on = |k: &usize| kind(*k) == FieldKind::Unknown && rows[*k] > 0.0;
             let value = largest((0..rows.len()).filter(acts_on).map(|k| forces[k] / rows[k]));
-            *found = [value, value * rows[field]];
+            *found = [value, value * rows[body]];
         }
         out
     }
 
-    /// Whether loads act on the free dofs of a field, or of one whose forces it meets: forces that depend neither on the
+    /// By body whether loads act on its free dofs, or on those of one whose forces it meets: forces that depend neither on the
     /// unknowns nor on the past.
     #[must_use]
-    pub fn is_loaded(&self, field: usize) -> bool {
-        let acts = |k: usize| self.meets[k] == self.meets[field] && self.loaded[k];
-        self.fields[field].kind == FieldKind::Unknown && (0..self.fields.len()).any(acts)
+    pub fn loaded(&self) -> Vec<bool> {
+        let own: Vec<f64> = self.loaded.iter().map(|acts| f64::from(u8::from(*acts))).collect();
+        let acts = self.among_alike(&own);
+        let is_unknown = |body: usize| self.fields[self.field_of_body(body)].kind == FieldKind::Unknown;
+        (0..self.n_bodies()).map(|body| is_unknown(body) && acts.get(body).is_some_and(|acts| *acts > 0.0)).collect()
     }
 
-    /// By field whether forces by dof act on its free dofs, on any rank.
+    /// By body whether forces by dof act on its free dofs, on any rank.
     pub(super) fn loaded_by(&self, forces: &[f64]) -> Vec<bool> {
-        let is_loaded = |d: usize| self.numbering.free[d] != FIXED && forces[d] != 0.0;
-        let of = |k: usize| u64::from(self.range(k).is_some_and(|mut range| range.any(is_loaded)));
-        let mut loaded: Vec<u64> = (0..self.fields.len()).map(of).collect();
-        self.team().max_words(&mut loaded);
-        loaded.into_iter().map(|loaded| loaded != 0).collect()
+        let mut largest = self.largest_of_free_by_body(forces);
+        self.team().max(&mut largest);
+        largest.into_iter().map(|force| force != 0.0).collect()
     }
 
     /// By dof, in the rows of this rank: |K| |u| of linear and changing terms, what rounding errors of the residual `here`

@@ -84,9 +84,12 @@ impl Prescribed {
 
     fn contradiction(&self, o: &Overruled, time: f64, holds: f64, instead: f64) -> Contradiction {
         let part = part_of(o.along, o.n_components);
-        let same =
-            |other: &&Overruled| other.number.fix == o.number.fix && part_of(other.along, other.n_components) == part;
         let (earlier, later) = (&self.fixes[o.number.fix], &self.fixes[o.by]);
+        // a list of regions is one statement
+        let is_same =
+            |fix: usize| self.fixes[fix].statement == earlier.statement && self.fixes[fix].field == earlier.field;
+        let same = |other: &&Overruled| is_same(other.number.fix) && part_of(other.along, other.n_components) == part;
+        let stated = self.stated.iter().filter(|((fix, of), _)| is_same(*fix) && *of == part).map(|(_, n)| n);
         let entries = earlier.value.n_components();
         Contradiction {
             field: earlier.field.clone(),
@@ -98,7 +101,7 @@ impl Prescribed {
             time,
             holds,
             instead,
-            lost: self.overruled.iter().filter(same).count() == self.stated[&(o.number.fix, part)],
+            lost: self.overruled.iter().filter(same).count() == stated.sum::<usize>(),
         }
     }
 }

@@ -3,7 +3,7 @@
 //! Three kinds: an exact solution that the scene defines (`def exact`, `def exact_NAME`), a finer run, made of another
 //! method where the sweep has several scenes, or a file that an earlier sweep left. The reference has an error of its
 //! own: a run on a mesh twice as coarse, and one four times, give it by Richardson's extrapolation. Errors are
-//! relative, in norms over the points of the reference: `L2` and `H1` of all unknowns on cells, the outputs that live
+//! relative, in norms over the points of the reference: `L2` and `H1` of the unknowns on cells, the outputs that live
 //! on contact faces (traction, slip, …) by name, measures of the last step by name.
 
 use std::path::Path;

@@ -15,7 +15,7 @@ use std::{
 /// What to do where a code has no pair.
 const HOW: &str = "\nEach code of wfl/src/codes/*.rs needs a scene where it appears and one near it where it does not.\n\
     Either the lines `wrong` and `fixed` of its page do that under `wfl check`, put into SCENE of\n\
-    runtime/cli/tests/pairs/main.rs (lines of SCENE that declare the same give way to those of the page), or add an entry:\n\
+    runtime/cli/tests/pairs/mod.rs (lines of SCENE that declare the same give way to those of the page), or add an entry:\n\
     \x20   Pair::new(\"E601\", TEXT_WHERE_IT_APPEARS).near(\"log(u)\", \"log(1 + u)\")\n\
     to runtime/cli/tests/pairs/scenes.rs (codes 1 to 5) or runs.rs (codes 6 to 8). `.near` replaces one part, which must\n\
     be there, of the scene or of the words of the command; `.command` gives other words than `run scene.wfl`; `.file`\n\

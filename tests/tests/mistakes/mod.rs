@@ -1,7 +1,7 @@
 //! Mistakes of newcomers who know FEniCS, NGSolve, FreeFEM, GetFEM or a textbook, in every statement: each gives one error,
 //! at its line, with a cure. The table is beside this file: `CODE LINE | a part of the message`, then the lines that are
 //! added to a scene that is right, or a whole scene. The changes that an editor offers for them are in `fixes.txt`, which
-//! `WFL_WRITE=1 cargo test --workspace --test mistakes` writes.
+//! `WFL_WRITE=1 cargo test --workspace --test suites mistakes::` writes.
 
 use std::{fmt::Write as _, path::Path};
 
@@ -99,7 +99,7 @@ fn the_fixes_of_mistakes_are_those_of_the_list() {
             let _ = writeln!(list, "{}\n{}\n", mistake.text, lines.join("\n"));
         }
     }
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mistakes/fixes.txt");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("mistakes/fixes.txt");
     if std::env::var_os("WFL_WRITE").is_some() {
         std::fs::write(&path, &list).expect("the list can be written");
     }

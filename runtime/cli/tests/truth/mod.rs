@@ -2,8 +2,7 @@
 //! invariance), run through the real command. No number that is wrong without a word, no warning where all is right, no
 //! cause that is not the cause. One file a class of scenes; `scenes/` has the long ones and their meshes.
 
-#[path = "../common/mod.rs"]
-mod common;
+use crate::common;
 
 mod accuracy;
 mod alarms;
@@ -19,7 +18,7 @@ mod units;
 
 use std::path::Path;
 
-use common::Folder;
+use crate::common::Folder;
 use serde_json::Value;
 
 /// How a run ended.

@@ -120,7 +120,7 @@ fn ironing_has_the_forces_of_getfem() {
 #[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn ironing_on_a_finer_mesh_has_the_forces_of_getfem() {
     let edits = [("ironing.msh", "sliding_ironing_2.msh"), ("gamma = 40", "gamma = 80"), ("\nexpect", "\n# expect")];
-    irons_like_getfem(&Path::new(env!("CARGO_MANIFEST_DIR")).join("reference"), "sliding_ironing_2.json", &edits);
+    irons_like_getfem(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../reference"), "sliding_ironing_2.json", &edits);
 }
 
 /// The forces of the scene with another mesh of `folder` are these numbers.
