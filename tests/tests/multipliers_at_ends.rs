@@ -195,3 +195,79 @@ fn a_pressure_passes_through_a_closed_crack() {
     let told = refused(&scene("P1", "DP0", "[12,12] tri"));
     assert!(told.contains("is not unique"), "{told}");
 }
+
+/// Four bodies that meet in a cross, tied again by three multipliers: of four jumps at the crossing three are independent, and
+/// the surface that runs through holds one combination of two. Exact for every order of the declarations.
+#[test]
+fn bodies_that_meet_in_a_cross_are_tied_in_every_order() {
+    let names =
+        ["multiplier m : scalar on through\n", "multiplier l : scalar on low\n", "multiplier n : scalar on high\n"];
+    for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+        let multipliers: String = order.iter().map(|k| names[*k]).collect();
+        let found = solved(format!(
+            "mesh box [0,0] to [2,2] cells [4,4] quad\nregion a = cells where x < 1 and y < 1\n\
+             region b = cells where x > 1 and y < 1\nregion c = cells where x < 1 and y > 1\n\
+             region d = cells where x > 1 and y > 1\nregion under = a + b\nregion over = c + d\n\
+             region low = interface from a to b\nregion high = interface from c to d\n\
+             region through = interface from under to over\nregion held = faces where x == 0 and y <= 0.5\n\
+             region rest = boundary - held\nunknown u : scalar\nsplit u across low, high, through\n{multipliers}\
+             def exact = 1 + 2*x - y\ndef jump(v) = v - Interpolate(v, neighbor_element)\n\
+             term body on all : Grad_u.Grad_Test_u\nterm one on through : m*jump(Test_u) + Test_m*jump(u)\n\
+             term two on low : l*jump(Test_u) + Test_l*jump(u)\nterm three on high : n*jump(Test_u) + Test_n*jump(u)\n\
+             fix u = exact on held\nload u = [2,-1].Normal on rest\nmeasure off = max(abs(u - exact)) on all\n\
+             measure open = max(abs(jump(u))) at nodes of through\n"
+        ));
+        assert!(found.measure(0, "off") < 1e-12 && found.measure(0, "open") < 1e-12, "{order:?}");
+    }
+}
+
+/// One multiplier on a surface that branches has one value for two jumps: it is told.
+#[test]
+fn one_multiplier_on_a_surface_that_branches_is_told() {
+    let scene = |multipliers: &str| {
+        format!(
+            "mesh box [0,0] to [2,2] cells [4,4] quad\nregion a = cells where y > 1\nregion b = cells where x < 1 and y < 1\n\
+             region c = cells where x > 1 and y < 1\nregion under = b + c\nregion up = interface from under to a\n\
+             region low = interface from b to c\nregion tee = low + up\nregion s = interface along tee\n\
+             region held = faces where x == 0 and y <= 0.5\nregion rest = boundary - held\nunknown u : scalar\nsplit u across s\n\
+             {multipliers}def exact = 1 + 2*x - y\ndef jump(v) = v - Interpolate(v, neighbor_element)\n\
+             term body on all : Grad_u.Grad_Test_u\nfix u = exact on held\nload u = [2,-1].Normal on rest\n\
+             measure off = max(abs(u - exact)) on all\n"
+        )
+    };
+    let one = scene("multiplier m : scalar on s\nterm tie on s : m*jump(Test_u) + Test_m*jump(u)\n");
+    let tried = attempt(&examples(), one, &[], &[]);
+    assert!(tried.messages.contains("W424") && tried.messages.contains("at 1 node"), "{}", tried.messages);
+    let two = scene(
+        "multiplier m : scalar on up\nmultiplier l : scalar on low\nterm tie on up : m*jump(Test_u) + Test_m*jump(u)\n\
+         term seam on low : l*jump(Test_u) + Test_l*jump(u)\n",
+    );
+    let tried = attempt(&examples(), two, &[], &[]);
+    assert!(!tried.messages.contains("W424"), "{}", tried.messages);
+    assert!(tried.solved.expect("a solution").measure(0, "off") < 1e-12);
+}
+
+/// A value of zero that a multiplier prescribes: its equation is rounding of unknowns that are large elsewhere.
+#[test]
+fn a_value_of_zero_is_held_by_a_multiplier() {
+    for (cells, element) in [("[2,2] quad", "Q1"), ("[3,5] tri", "P2"), ("[2,2] quad", "Q2")] {
+        for size in [1e-12, 1.0, 1e12] {
+            let found = solved(format!(
+                "mesh box [0,0] to [1,1] cells {cells}\nregion west = faces where x == 0\nregion east = faces where x == 1\n\
+                 unknown u : scalar {element}\nmultiplier l : scalar on west\nterm bar on all : Grad_u.Grad_Test_u\n\
+                 term held on west : l*Test_u + Test_l*u\nload u = {size:e} on east\nmeasure pull = integral(l) on west\n\
+                 measure off = max(abs(u - {size:e}*x)) on all\n"
+            ));
+            let [off, pull] = ["off", "pull"].map(|name| found.measure(0, name) / size);
+            assert!(off < 1e-13 && (pull - 1.0).abs() < 1e-12, "{cells} {size:e}: {off:e} {pull}");
+        }
+    }
+    let roller = solved(
+        "use \"elasticity\"\nmesh box [0,0] to [1,1] cells [3,3] quad\nregion floor = faces where y == 0\n\
+         region lid = faces where y == 1\nregion pin = nodes where x == 0 and y == 0\nunknown u : vector\n\
+         multiplier l : scalar on floor\nterm body on all : work(u, Test_u, 1000, 0.3)\n\
+         term roller on floor : l*(Test_u.Normal) + Test_l*(u.Normal)\nload u = [0,-2] on lid\nfix u(1) = 0 on pin\n\
+         measure pull = integral(l) on floor\n",
+    );
+    assert!((roller.measure(0, "pull") + 2.0).abs() < 1e-9 || (roller.measure(0, "pull") - 2.0).abs() < 1e-9);
+}

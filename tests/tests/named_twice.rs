@@ -178,3 +178,13 @@ fn nodes_between_vertices_are_nodes() {
         );
     }
 }
+
+/// A rule that measures alone have is told: the term on the same faces has its own.
+#[test]
+fn a_rule_that_no_term_has_is_told() {
+    let more = "quadrature on floor degree 9\nmeasure a = integral(pressure) on floor\n";
+    let told = wfl_tests::attempt(&wfl_tests::examples(), pressed("west, east", more), &[], &[]).messages;
+    assert!(told.contains("W411") && told.contains("`east`, `west`"), "{told}");
+    let told = wfl_tests::attempt(&wfl_tests::examples(), pressed("floor", more), &[], &[]).messages;
+    assert!(!told.contains("W411"), "{told}");
+}

@@ -246,19 +246,21 @@ impl LoadStep<'_> {
         all
     }
 
-    /// Finds multipliers that are nothing but rounding beside the forces: that is what their equations are relative to then,
-    /// within the tolerance where rounding is all that is left.
+    /// Finds multipliers that are nothing but rounding beside the forces, and conditions that are as small as rounding of all
+    /// unknowns allows: that is what their equations are relative to then, within the tolerance where rounding is all that is left.
     fn are_nothing(&self, u: &[f64], scales: &mut Scales) -> bool {
         let system = self.system;
         let mut values = system.largest_by_body(u);
         system.team().max(&mut values);
         let rounding = FLOOR_FACTOR * f64::EPSILON;
+        let nothing = system.multipliers_beside(&scales.scales, self.tangent).into_iter();
+        let nothing = nothing.zip(&values).map(|([value, size], is)| if *is <= rounding * value { size } else { 0.0 });
         let mut found = false;
-        for (body, [value, size]) in system.multipliers_beside(&scales.scales, self.tangent).into_iter().enumerate() {
-            let scale = rounding / self.options.tolerance * size;
-            if value > 0.0 && values[body] <= rounding * value && scale > scales.scales[body] {
-                (scales.scales[body], found) = (scale, true);
-            }
+        let sizes = nothing.zip(system.conditions_beside(u, self.tangent));
+        for (scale, (nothing, condition)) in scales.scales.iter_mut().zip(sizes) {
+            let least = rounding / self.options.tolerance * nothing.max(condition);
+            found |= least > *scale;
+            *scale = scale.max(least);
         }
         found
     }

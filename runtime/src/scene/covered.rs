@@ -1,8 +1,10 @@
 //! The rules of measures and states on regions that have no terms by their name: those of the terms on the same entities.
 //!
 //! A force is what its term sums over the points of its rule. Measured on a part of the region of the term, on the same faces
-//! under another name or from the other side of an interface, it is the sum over the same points. Promises: the rule of a
-//! region's own terms comes first; where none is, a law with kinks takes the rule at nodes that terms with kinks have there.
+//! under another name or from the other side of an interface, it is the sum over the same points. Promises: a rule that a
+//! statement gives to a region is that of its measures; a law with kinks takes the rule that a statement or kinks give to terms
+//! on its entities; the rule of a region's own terms comes before that of others, and what has no kinks keeps it: a second name
+//! of a region is how terms get rules of their own.
 
 use super::{
     regions::Regions,
@@ -17,12 +19,21 @@ pub(super) struct Asked<'a> {
     pub(super) place: &'a str,
     /// Its entities.
     pub(super) set: &'a RegionSet,
-    /// The rule of that region is given by a statement.
-    pub(super) is_given: bool,
+    /// The statements that give rules.
+    pub(super) statements: &'a [wfl::Quadrature],
     /// It has kinks.
     pub(super) is_kinked: bool,
     /// The mapping that it reads through.
     pub(super) mapping: Option<usize>,
+}
+
+/// A rule on some entities.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct Chosen {
+    /// `None` where no term has one.
+    pub(super) rule: Option<RuleChoice>,
+    /// A statement gives it.
+    pub(super) is_given: bool,
 }
 
 /// What tells an entity from others, from whichever side it is seen: its vertices, or its number for a cell.
@@ -46,6 +57,17 @@ fn keys(mesh: &Mesh, set: &RegionSet) -> Option<Vec<[Key; 2]>> {
     })
 }
 
+/// Whether two sets have an entity in common, under whatever names and from whichever side.
+pub(super) fn share(mesh: &Mesh, a: &RegionSet, b: &RegionSet) -> bool {
+    if matches!(a, RegionSet::Cells(_)) != matches!(b, RegionSet::Cells(_)) {
+        return false;
+    }
+    let (Some(a), Some(b)) = (keys(mesh, a), keys(mesh, b)) else { return false };
+    let mut all: Vec<Key> = a.into_iter().flatten().collect();
+    all.sort_unstable();
+    b.iter().flatten().any(|key| all.binary_search(key).is_ok())
+}
+
 /// Members of a set, by their positions.
 fn some(set: &RegionSet, at: &[usize]) -> RegionSet {
     match set {
@@ -58,43 +80,44 @@ fn some(set: &RegionSet, at: &[usize]) -> RegionSet {
 }
 
 impl Asked<'_> {
-    /// How well a rule suits the law: the largest suits best.
-    fn rank(&self, choice: RuleChoice) -> (usize, usize) {
-        match choice {
-            RuleChoice::Degree(degree) => (usize::from(!self.is_kinked), degree),
-            RuleChoice::Nodes { degree, .. } => (if self.is_kinked { 2 } else { 0 }, degree),
-            RuleChoice::Vertex => (3, 0),
-            RuleChoice::Segments { degree, .. } => (4, degree),
-        }
+    fn chosen(&self, name: &str, choice: Option<&RuleChoice>) -> Chosen {
+        let is_given = self.statements.iter().flat_map(|q| &q.places).any(|p| p.name == name);
+        Chosen { rule: choice.map(|choice| choice.through(self.mapping)), is_given }
     }
 
-    /// The parts of the set by the rule of the terms there; `None` where there are none.
-    pub(super) fn by_rule(
-        &self,
-        mesh: &Mesh,
-        regions: &Regions,
-        rules: &Rules,
-    ) -> Vec<(RegionSet, Option<RuleChoice>)> {
-        let own = rules.get(self.place).map(|choice| choice.through(self.mapping));
-        let is_of_degree = matches!(own, Some(RuleChoice::Degree(_)) | None);
-        if self.is_given || !self.is_kinked || !is_of_degree {
-            return vec![(self.set.clone(), own)];
-        }
-        let Some(entities) = keys(mesh, self.set) else { return vec![(self.set.clone(), own)] };
-        let mut found: Vec<Option<RuleChoice>> = vec![own; entities.len()];
-        let mut choices: Vec<Option<RuleChoice>> = vec![None, own];
+    /// How well a rule suits the law: the largest suits best.
+    fn rank(of: Chosen) -> (bool, usize, usize) {
+        let (kind, degree) = match of.rule {
+            None => (0, 0),
+            Some(RuleChoice::Degree(degree)) => (1, degree),
+            Some(RuleChoice::Nodes { degree, .. }) => (2, degree),
+            Some(RuleChoice::Vertex) => (3, 0),
+            Some(RuleChoice::Segments { degree, .. }) => (4, degree),
+        };
+        (of.is_given, kind, degree)
+    }
+
+    /// The parts of the set by the rule of the terms there.
+    pub(super) fn by_rule(&self, mesh: &Mesh, regions: &Regions, rules: &Rules) -> Vec<(RegionSet, Chosen)> {
+        let own = self.chosen(self.place, rules.get(self.place));
+        let others = rules.iter().map(|(name, choice)| (name, self.chosen(name, Some(choice))));
+        let others: Vec<(&String, Chosen)> = others.filter(|_| self.is_kinked).collect();
+        let is_last = own.is_given || !matches!(own.rule, Some(RuleChoice::Degree(_)) | None);
+        let entities = keys(mesh, self.set).filter(|_| !is_last && !others.is_empty());
+        let Some(entities) = entities else { return vec![(self.set.clone(), own)] };
+        let mut found = vec![own; entities.len()];
+        let mut choices = vec![Chosen { rule: None, is_given: false }, own];
         let is_alike = |set: &&RegionSet| matches!(set, RegionSet::Cells(_)) == matches!(self.set, RegionSet::Cells(_));
-        for (name, choice) in rules {
+        for (name, other) in others {
             let Some(set) = regions.get(name).map(|region| &region.set).filter(is_alike) else { continue };
-            let choice = choice.through(self.mapping);
             let Some(members) = keys(mesh, set) else { continue };
             let mut members: Vec<Key> = members.into_iter().flatten().collect();
             members.sort_unstable();
-            choices.push(Some(choice));
+            choices.push(other);
             for (entity, best) in entities.iter().zip(&mut found) {
-                let suits = best.is_none_or(|best| self.rank(choice) > self.rank(best));
-                if suits && entity.iter().any(|key| members.binary_search(key).is_ok()) {
-                    *best = Some(choice);
+                let is_there = || entity.iter().any(|key| members.binary_search(key).is_ok());
+                if Self::rank(other) > Self::rank(*best) && is_there() {
+                    *best = other;
                 }
             }
         }

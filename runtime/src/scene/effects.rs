@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 
 use wfl::{
     Code, Diagnostic, FieldKind as Declared, StartKind,
-    ast::{Ident, Place},
+    ast::{Ident, Place, Reduction},
     split_prefixes,
 };
 use wfl_compiler::types::{BasisSlot, FieldOp, Side};
@@ -17,6 +17,7 @@ use wfl_compiler::types::{BasisSlot, FieldOp, Side};
 use super::{
     Builder,
     constraints::{Contradiction, Prescribed},
+    covered::share,
     jumps,
     normals::{faces_of, held_faces, node_normals},
     options::Steps,
@@ -184,7 +185,6 @@ impl Builder<'_> {
     fn idle_rules(&mut self, laws: &[PlacedLaw]) {
         let script = self.script;
         let mut used: BTreeSet<&str> = laws.iter().filter(|l| l.at_nodes.is_none()).map(|l| l.place.as_str()).collect();
-        used.extend(script.reductions().flat_map(|m| &m.places).map(|p| p.name.as_str()));
         for field in script.fields.iter().filter(|f| matches!(f.kind, Declared::State { .. })) {
             match &field.space.place {
                 Place::On(list) => used.extend(list.iter().map(|p| p.name.as_str())),
@@ -193,6 +193,7 @@ impl Builder<'_> {
                 }
             }
         }
+        let measured: BTreeSet<&str> = script.reductions().flat_map(|m| &m.places).map(|p| p.name.as_str()).collect();
         let own = script.mesh.as_ref().map(|m| m.span);
         let mut seen: Vec<&Ident> = Vec::new();
         // rules that a knob of the command line sets have the place of the mesh
@@ -204,13 +205,46 @@ impl Builder<'_> {
                 }
                 seen.push(place);
             }
-            if statement.places.iter().all(|p| !used.contains(p.name.as_str())) {
-                let names: Vec<String> = used.iter().map(|n| format!("`{n}`")).collect();
+            if statement.places.iter().any(|p| used.contains(p.name.as_str())) {
+                continue;
+            }
+            if statement.places.iter().any(|p| measured.contains(p.name.as_str())) {
+                // a mean or what is largest is looked for where one wants; a force is a sum
+                let is_sum = |m: &wfl::Measure| m.reduction == Reduction::Integral;
+                let is_here =
+                    |m: &wfl::Measure| m.places.iter().any(|p| statement.places.iter().any(|q| q.name == p.name));
+                if script.reductions().any(|m| is_sum(m) && is_here(m)) {
+                    self.measured_alone(statement, laws);
+                }
+            } else {
+                let names: Vec<String> = used.union(&measured).map(|n| format!("`{n}`")).collect();
                 let d = Diagnostic::new(Code::W411, "a quadrature rule where nothing is integrated");
                 let d = d.at(statement.span, "no term, load, measure or state stands on this region by that name");
                 self.diagnostics.push(d.help(format!("they stand on {}", names.join(", "))));
             }
         }
+    }
+
+    /// W411 for a rule on a region that measures alone name, where terms have other names for its entities: what is measured
+    /// there are not the points of these terms.
+    fn measured_alone(&mut self, statement: &wfl::Quadrature, laws: &[PlacedLaw]) {
+        let sets: Vec<&RegionSet> =
+            statement.places.iter().filter_map(|p| self.regions.get(&p.name)).map(|region| &region.set).collect();
+        let is_there = |law: &&PlacedLaw| {
+            let set = law.set.as_ref().filter(|_| law.at_nodes.is_none());
+            set.is_some_and(|set| sets.iter().any(|other| share(&self.mesh, set, other)))
+        };
+        let names: BTreeSet<String> = laws.iter().filter(is_there).map(|law| format!("`{}`", law.place)).collect();
+        if names.is_empty() {
+            return;
+        }
+        let d = Diagnostic::new(Code::W411, "a quadrature rule that no term has");
+        let d = d.at(statement.span, "measures alone stand on this region by that name");
+        let names: Vec<String> = names.into_iter().collect();
+        self.diagnostics.push(d.help(format!(
+            "terms stand there on {}, with rules of their own: `quadrature on` these names",
+            names.join(", ")
+        )));
     }
 
     /// W411 for a `split` after which every node is one as before.

@@ -15,7 +15,7 @@ use wfl_compiler::{ValueLaw, compile_value};
 use super::{
     Builder, Measure, Measured, RuleChoice, Taken, Turnover,
     constants::numbers,
-    covered::Asked,
+    covered::{Asked, Chosen},
     jumps, mappings,
     outputs::OutputMaker,
     reactions::Held,
@@ -61,29 +61,31 @@ impl Builder<'_> {
         rules: &terms::Rules,
     ) -> Vec<(Option<RegionSet>, RuleChoice)> {
         let own = law.degree.rule();
-        let given = self.script.quadratures.iter().flat_map(|q| &q.places).any(|p| p.name == place);
         let summed = matches!(measure.reduction, Reduction::Integral | Reduction::Mean);
-        let free = !given && summed && law.degree.is_exact() && states_read(&self.fields, &law.inputs).next().is_none();
+        let is_free = summed && law.degree.is_exact() && states_read(&self.fields, &law.inputs).next().is_none();
         // on a part of the region of a state its points are those of the state
         let of_state = |state: usize| match &self.script.fields.get(state)?.space.place {
             Place::On(list) => list.iter().find_map(|p| rules.get(&p.name)),
             _ => rules.get("all"),
         };
         let of_state = states_read(&self.fields, &law.inputs).find_map(of_state);
-        let choose = |rule: Option<RuleChoice>| match rule.map(|choice| choice.through(law.mapping)) {
-            Some(RuleChoice::Degree(degree)) if free => RuleChoice::Degree(degree.max(own)),
-            Some(RuleChoice::Nodes { .. }) if free => RuleChoice::Degree(own),
+        let choose = |of: Chosen| match of.rule.map(|choice| choice.through(law.mapping)) {
+            Some(RuleChoice::Degree(degree)) if is_free && !of.is_given => RuleChoice::Degree(degree.max(own)),
+            Some(RuleChoice::Nodes { .. }) if is_free => RuleChoice::Degree(own),
             Some(choice) => choice,
             None => RuleChoice::Degree(own),
         };
         match set {
-            Some(set) if of_state.is_none() && !free => {
-                let mapping = law.mapping;
-                let asked = Asked { place, set: &set, is_given: given, is_kinked: law.degree.kinked, mapping };
+            Some(set) if of_state.is_none() => {
+                let (statements, mapping) = (&self.script.quadratures, law.mapping);
+                let asked = Asked { place, set: &set, statements, is_kinked: law.degree.kinked, mapping };
                 let parts = asked.by_rule(&self.mesh, &self.regions, rules);
-                parts.into_iter().map(|(set, rule)| (Some(set), choose(rule))).collect()
+                parts.into_iter().map(|(set, chosen)| (Some(set), choose(chosen))).collect()
             }
-            set => vec![(set, choose(of_state.or_else(|| rules.get(place)).copied()))],
+            set => {
+                let rule = of_state.or_else(|| rules.get(place)).copied();
+                vec![(set, choose(Chosen { rule, is_given: false }))]
+            }
         }
     }
 

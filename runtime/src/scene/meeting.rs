@@ -24,39 +24,56 @@ use super::{
 use crate::{
     field::{Field, FieldSpace},
     mesh::{FacetId, FacetRef, Mesh, Topology},
+    space::{Space, Support},
     system::Numbering,
 };
 
 /// A dof that a jump reads: field, node, component; what is prescribed is one thing.
 type End = Option<(usize, u32, usize)>;
 
-/// What is tied to what, by the multipliers that are kept.
+/// What is left of a row below this part of its entries is rounding: rows have entries of 1 and -1.
+const DEPENDENT: f64 = 1e-9;
+
+/// The rows of the multipliers that are kept, over the ends of jumps, each by its first end, where it is one: what is taken
+/// away of it brings later ends alone.
 #[derive(Default)]
-struct Ties {
-    numbers: BTreeMap<End, usize>,
-    above: Vec<usize>,
+struct Rows {
+    by_pivot: BTreeMap<End, BTreeMap<End, f64>>,
 }
 
-impl Ties {
-    fn root(&mut self, end: End) -> usize {
-        let next = self.above.len();
-        let mut at = *self.numbers.entry(end).or_insert(next);
-        if at == next {
-            self.above.push(next);
+impl Rows {
+    /// The row of one multiplier: the sum of its jumps. At a node where surfaces cross it has several, of which it holds one
+    /// combination. Without what is prescribed.
+    fn row(jumps: &[(End, End)]) -> BTreeMap<End, f64> {
+        let mut row = BTreeMap::new();
+        for (a, b) in jumps {
+            for (end, sign) in [(a, 1.0), (b, -1.0)].into_iter().filter(|(end, _)| end.is_some()) {
+                *row.entry(*end).or_insert(0.0) += sign;
+            }
         }
-        while self.above[at] != at {
-            at = self.above[at];
-        }
-        at
+        row
     }
 
-    fn are_tied(&mut self, a: End, b: End) -> bool {
-        self.root(a) == self.root(b)
+    /// What a row has beyond those that are kept; empty if it follows from them.
+    fn beyond(&self, mut row: BTreeMap<End, f64>) -> BTreeMap<End, f64> {
+        row.retain(|_, x| x.abs() > DEPENDENT);
+        while let Some((end, factor)) =
+            row.iter().find(|(end, _)| self.by_pivot.contains_key(end)).map(|(e, x)| (*e, *x))
+        {
+            for (other, x) in &self.by_pivot[&end] {
+                *row.entry(*other).or_insert(0.0) -= factor * x;
+            }
+            row.retain(|other, x| *other != end && x.abs() > DEPENDENT);
+        }
+        row
     }
 
-    fn tie(&mut self, a: End, b: End) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.above[a] = b;
+    /// Keeps a row.
+    fn keep(&mut self, jumps: &[(End, End)]) {
+        let row = self.beyond(Self::row(jumps));
+        let Some((pivot, size)) = row.iter().next().map(|(end, x)| (*end, *x)) else { return };
+        let row = row.into_iter().map(|(end, x)| (end, x / size)).collect();
+        self.by_pivot.insert(pivot, row);
     }
 }
 
@@ -78,11 +95,13 @@ pub(super) struct Multipliers<'a> {
 pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Diagnostic>) -> Vec<usize> {
     let Multipliers { script, topology, fields, numbering, laws, .. } = *on;
     let holding: Vec<usize> = (0..fields.len()).filter(|k| holds_a_jump(*k, fields, laws)).collect();
-    if holding.len() < 2 {
+    let may_branch = |k: &usize| matches!(&fields[*k].space, FieldSpace::Nodal(space) if branches(on.mesh, space));
+    if holding.len() < 2 && !holding.iter().any(may_branch) {
         return Vec::new();
     }
     let extent = extent(on.mesh);
-    let (mut ties, mut seen, mut shared) = (Ties::default(), BTreeSet::<FacetId>::new(), Vec::new());
+    let (mut rows, mut seen, mut shared) = (Rows::default(), BTreeSet::<FacetId>::new(), Vec::new());
+    let mut several = Vec::new();
     for k in holding {
         let (Some(start), FieldSpace::Nodal(space)) = (numbering.starts[k], &fields[k].space) else { continue };
         let around = facets_of_nodes(space);
@@ -100,11 +119,12 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
                 if ends.is_empty() {
                     continue;
                 }
-                if !keeps && apart && ends.iter().all(|e| ties.are_tied(e.0, e.1)) {
+                if !keeps && apart && rows.beyond(Rows::row(&ends)).is_empty() {
                     shared.push(dof);
                     loses = true;
                 } else {
-                    ends.into_iter().for_each(|(a, b)| ties.tie(a, b));
+                    rows.keep(&ends);
+                    several.extend((ends.len() > 1).then_some((k, *node, ends)));
                 }
             }
             nodes += usize::from(loses);
@@ -123,8 +143,49 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
             diagnostics.push(d.at(script.fields[k].name.span, "its surface meets that of the other multiplier"));
         }
     }
+    diagnostics.extend(crossings(on, &rows, &several));
     shared.sort_unstable();
     shared
+}
+
+/// Whether more than two facets of a surface meet in a node of a plane mesh, or along an edge.
+fn branches(mesh: &Mesh, space: &Space) -> bool {
+    let Support::Facets(facets) = space.support() else { return false };
+    let mut counts: BTreeMap<[usize; 2], usize> = BTreeMap::new();
+    for facet in facets {
+        let of = mesh.facet_vertices(*facet);
+        let vertices: Vec<usize> = of.vertices().iter().map(|v| v.index()).collect();
+        if mesh.dim() < 3 {
+            vertices.iter().for_each(|v| *counts.entry([*v; 2]).or_default() += 1);
+        } else {
+            for (n, a) in vertices.iter().enumerate() {
+                let b = vertices[(n + 1) % vertices.len()];
+                *counts.entry([*a.min(&b), *a.max(&b)]).or_default() += 1;
+            }
+        }
+    }
+    counts.into_values().any(|n| n > 2)
+}
+
+/// W424 for each multiplier that has one value for jumps of which several are free.
+fn crossings(on: &Multipliers<'_>, rows: &Rows, several: &[(usize, u32, Vec<(End, End)>)]) -> Vec<Diagnostic> {
+    let mut nodes: BTreeMap<usize, BTreeSet<u32>> = BTreeMap::new();
+    for (k, node, jumps) in several {
+        if jumps.iter().any(|jump| !rows.beyond(Rows::row(&[*jump])).is_empty()) {
+            nodes.entry(*k).or_default().insert(*node);
+        }
+    }
+    let told = |(k, nodes): (usize, BTreeSet<u32>)| {
+        let first = nodes.first().map(|node| on.fields[k].node_position(*node as usize)).unwrap_or_default();
+        let many = if nodes.len() == 1 { "1 node".to_owned() } else { format!("{} nodes", nodes.len()) };
+        let text = format!("`{}` has one value for several jumps at {many}", on.fields[k].name);
+        let d = Diagnostic::new(Code::W424, text);
+        let at = format!("more than two bodies meet there, the first at {:?}", &first[..on.mesh.dim()]);
+        let d = d.at(on.script.fields[k].name.span, at);
+        d.note("it holds one combination of them: the bodies come apart there")
+            .help("a multiplier for each surface, `interface from a to b` of two bodies")
+    };
+    nodes.into_iter().map(told).collect()
 }
 
 /// True for a multiplier of several components whose laws can constrain the whole jump.

@@ -17,7 +17,7 @@ use wfl_compiler::{
 
 use super::{
     Builder, Parts, RuleChoice,
-    covered::Asked,
+    covered::{Asked, Chosen},
     fields::{global_place, place_sig, support},
     mappings::{Through, fields_there},
     rule_choice::states_read,
@@ -197,11 +197,13 @@ impl Builder<'_> {
                     (most, _) => most,
                 });
             let own = states.iter().filter(|s| shared.states.contains(&s.field)).map(|s| s.law.degree.rule()).max();
-            let at_nodes = || {
-                states.iter().filter(|s| shared.states.contains(&s.field)).find_map(|s| self.nodes_of_terms(s, rules))
-            };
+            // terms that read it have it at their own points
+            let reads = |l: &PlacedLaw| states_read(&self.fields, &l.law.inputs).any(|k| shared.states.contains(&k));
+            let mut own_states = states.iter().filter(|s| shared.states.contains(&s.field));
             let largest = match largest {
-                None | Some(RuleChoice::Degree(_)) => at_nodes().or(largest),
+                None | Some(RuleChoice::Degree(_)) if !laws.iter().any(reads) => {
+                    own_states.find_map(|s| self.rule_of_terms(s, rules)).or(largest)
+                }
                 other => other,
             };
             let choice = said.first().map(|s| s.1).or(largest).unwrap_or(RuleChoice::Degree(own.unwrap_or(1)));
@@ -209,12 +211,14 @@ impl Builder<'_> {
         }
     }
 
-    /// The rule at nodes that terms have on all entities of a state whose update has kinks.
-    fn nodes_of_terms(&self, state: &StateLaw, rules: &Rules) -> Option<RuleChoice> {
+    /// The rule that terms have on all entities of a state: where its update has kinks: at nodes, or one that a statement gives.
+    fn rule_of_terms(&self, state: &StateLaw, rules: &Rules) -> Option<RuleChoice> {
         let (set, is_kinked) = (state.set.as_ref()?, state.law.degree.kinked);
-        let asked = Asked { place: "", set, is_given: false, is_kinked, mapping: state.law.mapping };
+        let statements = &self.script.quadratures;
+        let asked = Asked { place: "", set, statements, is_kinked, mapping: state.law.mapping };
         match asked.by_rule(&self.mesh, &self.regions, rules).as_slice() {
-            [(_, Some(choice @ RuleChoice::Nodes { .. }))] => Some(*choice),
+            [(_, Chosen { rule: choice @ Some(RuleChoice::Nodes { .. }), .. })] => *choice,
+            [(_, Chosen { rule: choice @ Some(_), is_given: true })] => *choice,
             _ => None,
         }
     }

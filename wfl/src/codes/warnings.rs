@@ -167,6 +167,16 @@ pages! {
         "mesh file \"plate.msh\"",
     ),
     page(
+        W424,
+        "one multiplier for several jumps",
+        "Where a surface branches, or other surfaces cut the bodies on it, a node of a multiplier lies between more than two \
+         bodies. It has one value there and holds one combination of their jumps, so that the bodies come apart at that \
+         node. Multipliers for each surface between two bodies hold all jumps; where one follows from others it is dropped \
+         (W404).",
+        "region s = interface along tee\nmultiplier m : scalar on s",
+        "region s = interface from a to b\nmultiplier m : scalar on s",
+    ),
+    page(
         W501,
         "a discontinuous term without a derivative",
         "Heaviside and sign have derivative 0. A term that depends on an unknown only through them looks constant to \

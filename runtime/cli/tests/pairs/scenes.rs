@@ -49,6 +49,15 @@ const MULTIPLIER: &str = "mesh box [0,0] to [2,2] cells [2,2] quad\nregion left 
     term b on right : Grad_uR:Grad_Test_uR\nterm tie on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l\n\
     fix uL, uR = [0,0] on bottom\nload uL = [0,1] on left\n";
 
+/// A square cut in three by a surface that branches, tied by one multiplier.
+const TEE: &str = "mesh box [0,0] to [2,2] cells [4,4] quad\nregion a = cells where y > 1\n\
+    region b = cells where x < 1 and y < 1\nregion c = cells where x > 1 and y < 1\nregion under = b + c\n\
+    region up = interface from under to a\nregion low = interface from b to c\nregion tee = low + up\n\
+    region s = interface along tee\nregion west = faces where x == 0\nunknown u : scalar\nsplit u across s\n\
+    multiplier m : scalar on s\ndef J(v) = v - Interpolate(v, neighbor_element)\n\
+    term body on all : Grad_u.Grad_Test_u\nterm tie on s : m*J(Test_u) + Test_m*J(u)\nfix u = y on west\n\
+    load u = 1 on all\n";
+
 /// Two blocks pressed together, their pressure a multiplier with the wrong sign in its law.
 const TOUCHING: &str = "mesh box [0,0] to [2,1] cells [2,1] quad\nparam gamma = 1e4\nregion left = cells where x < 1\n\
     region right = cells where x > 1\nregion fault = interface from left to right\nregion west = faces where x == 0\n\
@@ -162,6 +171,9 @@ pub(crate) fn pairs() -> Vec<Pair> {
                 .replace("Dot2_u", "Dot_u"),
         )
         .near("Dot_u", "Dot2_u"),
+        Pair::new("W424", TEE)
+            .near("multiplier m : scalar on s", "multiplier m : scalar on low\nmultiplier n : scalar on up")
+            .near("term tie on s : m*", "term top on up : n*J(Test_u) + Test_n*J(u)\nterm tie on low : m*"),
         Pair::new("W404", MULTIPLIER).near("fix uL, uR =", "fix uL ="),
         two_plates("[0, 2, 1]").near("[0, 2, 1]", "[0, 2]"),
         twice(),

@@ -554,3 +554,20 @@ impl Ran {
         all.last().and_then(serde_json::Value::as_f64).expect("a number")
     }
 }
+
+/// A number that holds a mean value is zero where nothing pulls: of zero there are no digits.
+#[test]
+fn a_number_that_has_nothing_to_hold_has_no_digits_to_lose() {
+    let scene = |pull: f64| {
+        format!(
+            "mesh box [0,0] to [1,1] cells [4,4] quad\nunknown u : scalar\n\
+             unknown c : scalar global\ndef k = if x < 0.5 then 1 else 4\n\
+             term flow on all : k*(Grad_u + [1,0]).Grad_Test_u\nterm mean on all : c*Test_u + u*Test_c\n\
+             term source on all : -({pull:e} + sin(2*pi*y))*Test_u\nmeasure held = max(c) on global\n"
+        )
+    };
+    let ran = run("mean", &scene(0.0), &[]);
+    assert!(ran.code == 0 && !ran.tells("W605") && ran.last("held").abs() < 1e-13, "{}", ran.text);
+    let ran = run("mean-pulled", &scene(1e-4), &[]);
+    assert!(ran.code == 0 && !ran.tells("W605") && (ran.last("held") / 1e-4 - 1.0).abs() < 1e-9, "{}", ran.text);
+}

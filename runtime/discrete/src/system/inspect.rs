@@ -87,12 +87,27 @@ impl System {
                     Some(operator) => operator.diagonal()[free],
                     None => self.bulk.get(free, free) + tangent.changing.get(free, free),
                 };
-                natural = natural.max(if stiffness == 0.0 { 0.0 } else { sizes[d] / stiffness.abs() });
+                let own =
+                    if stiffness == 0.0 { self.of_others(&sizes, tangent, free) } else { sizes[d] / stiffness.abs() };
+                natural = natural.max(own);
             }
         }
         let mut all = [found, natural];
         self.team().max(&mut all);
         all[0] <= ZERO * all[1]
+    }
+
+    /// What an unknown without a stiffness of its own would be if it balanced what cancels in the equations it acts on: a
+    /// number that holds a mean value, like a multiplier. Zero where there is no matrix.
+    fn of_others(&self, sizes: &[f64], tangent: &Tangent, free: usize) -> f64 {
+        let rows = [&*self.bulk, &tangent.changing].into_iter().filter(|matrix| matrix.n_rows() > free);
+        let entries = rows.flat_map(|matrix| {
+            let (columns, values) = matrix.row(free);
+            columns.iter().zip(values)
+        });
+        let of =
+            |(column, value): (&u32, &f64)| sizes[self.numbering.free_dofs[*column as usize] as usize] / value.abs();
+        largest_of(entries.filter(|(_, value)| **value != 0.0).map(of))
     }
 
     /// The same of a term that need not be one of the system.

@@ -47,6 +47,30 @@ impl System {
         out
     }
 
+    /// By body, for multipliers: the largest of what their equations are made of where all unknowns have the size of the
+    /// largest at `u` of their kind. Zero for other bodies. Unknowns are rounded as a whole: a condition `u = 0` holds as far as
+    /// that allows, however small the unknowns are that it is about.
+    #[must_use]
+    pub fn conditions_beside(&self, u: &[f64], tangent: &Tangent) -> Vec<f64> {
+        let largest = self.largest_of_alike(u);
+        let mut all = vec![0.0; self.numbering.n_dofs];
+        for body in self.unknown_bodies() {
+            self.dofs_of_body(body).for_each(|dof| all[dof] = largest[body]);
+        }
+        let (mut part, mut sums) = (all.clone(), all.clone());
+        if !self.multiply_linear(&all, None, [&mut part, &mut sums, &mut []]) {
+            sums.fill(0.0);
+        }
+        for body in self.unknown_bodies().filter(|body| largest[*body] > 0.0) {
+            let rows = self.row_sums(tangent, |dof| self.body_of(dof as usize) == body);
+            sums.iter_mut().zip(rows).for_each(|(sum, row)| *sum += row * largest[body]);
+        }
+        let mut rows = self.largest_by_body(&sums);
+        self.team().max(&mut rows);
+        let is_multiplier = |body: usize| self.fields[self.field_of_body(body)].kind == FieldKind::Multiplier;
+        (0..rows.len()).map(|body| if is_multiplier(body) { rows[body] } else { 0.0 }).collect()
+    }
+
     /// By body whether loads act on its free dofs, or on those of one whose forces it meets: forces that depend neither on the
     /// unknowns nor on the past.
     #[must_use]
