@@ -102,7 +102,10 @@ impl Asked<'_> {
         let own = self.chosen(self.place, rules.get(self.place));
         let others = rules.iter().map(|(name, choice)| (name, self.chosen(name, Some(choice))));
         let others: Vec<(&String, Chosen)> = others.filter(|_| self.is_kinked).collect();
-        let is_last = own.is_given || !matches!(own.rule, Some(RuleChoice::Degree(_)) | None);
+        let is_of_degree = matches!(own.rule, Some(RuleChoice::Degree(_)) | None);
+        // on cells terms with kinks have rules of a degree, too: those of the region's own
+        let is_own = own.rule.is_some() && matches!(self.set, RegionSet::Cells(_));
+        let is_last = own.is_given || is_own || !is_of_degree;
         let entities = keys(mesh, self.set).filter(|_| !is_last && !others.is_empty());
         let Some(entities) = entities else { return vec![(self.set.clone(), own)] };
         let mut found = vec![own; entities.len()];

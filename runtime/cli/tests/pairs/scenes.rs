@@ -49,6 +49,13 @@ const MULTIPLIER: &str = "mesh box [0,0] to [2,2] cells [2,2] quad\nregion left 
     term b on right : Grad_uR:Grad_Test_uR\nterm tie on fault : l.jump(Test_uL,Test_uR) + jump(uL,uR).Test_l\n\
     fix uL, uR = [0,0] on bottom\nload uL = [0,1] on left\n";
 
+/// One multiplier on a surface that branches, and one for each of its surfaces.
+fn tee() -> Pair {
+    Pair::new("W424", TEE)
+        .near("multiplier m : scalar on s", "multiplier m : scalar on low\nmultiplier n : scalar on up")
+        .near("term tie on s : m*", "term top on up : n*J(Test_u) + Test_n*J(u)\nterm tie on low : m*")
+}
+
 /// A square cut in three by a surface that branches, tied by one multiplier.
 const TEE: &str = "mesh box [0,0] to [2,2] cells [4,4] quad\nregion a = cells where y > 1\n\
     region b = cells where x < 1 and y < 1\nregion c = cells where x > 1 and y < 1\nregion under = b + c\n\
@@ -171,9 +178,7 @@ pub(crate) fn pairs() -> Vec<Pair> {
                 .replace("Dot2_u", "Dot_u"),
         )
         .near("Dot_u", "Dot2_u"),
-        Pair::new("W424", TEE)
-            .near("multiplier m : scalar on s", "multiplier m : scalar on low\nmultiplier n : scalar on up")
-            .near("term tie on s : m*", "term top on up : n*J(Test_u) + Test_n*J(u)\nterm tie on low : m*"),
+        tee(),
         Pair::new("W404", MULTIPLIER).near("fix uL, uR =", "fix uL ="),
         two_plates("[0, 2, 1]").near("[0, 2, 1]", "[0, 2]"),
         twice(),
