@@ -90,9 +90,11 @@ proptest! {
         let through = residual(system, &["contact"]);
         let alone = residual(system, &["here", "there"]);
         let size = alone.iter().fold(0.0f64, |m, f| m.max(f.abs()));
-        // edges that nearly coincide cross where rounding over their angle says, which is about what cells are distorted by
-        let angles = [blocks.lower.amount, blocks.upper.amount].into_iter().filter(|angle| *angle > 0.0);
-        let rounding = 1e-12 * angles.fold(1.0f64, |m, angle| m.max(1e-3 / angle));
+        // edges that nearly coincide cross where rounding over their angle says. Of as many angles as there are faces, up to what
+        // cells are distorted by, the smallest is that part of it
+        let faces = f64::from(u32::try_from(blocks.lower.n.pow(2) + blocks.upper.n.pow(2)).expect("few faces"));
+        let angles = [blocks.lower.amount, blocks.upper.amount].into_iter().filter(|amount| *amount > 0.0);
+        let rounding = 1e-12 * angles.fold(1.0f64, |m, amount| m.max(1e-3 * faces / amount));
         for (a, b) in through.iter().zip(&alone) {
             prop_assert!((a - b).abs() < rounding * size, "{} for {} of {}", a, b, size);
         }
