@@ -102,35 +102,44 @@ impl Asked<'_> {
         let own = self.chosen(self.place, rules.get(self.place));
         let others = rules.iter().map(|(name, choice)| (name, self.chosen(name, Some(choice))));
         let others: Vec<(&String, Chosen)> = others.filter(|_| self.is_kinked).collect();
+        if own.is_given || others.is_empty() {
+            return vec![(self.set.clone(), own)];
+        }
         let is_of_degree = matches!(own.rule, Some(RuleChoice::Degree(_)) | None);
         // on cells terms with kinks have rules of a degree, too: those of the region's own
         let is_own = own.rule.is_some() && matches!(self.set, RegionSet::Cells(_));
-        let is_last = own.is_given || is_own || !is_of_degree;
-        let entities = keys(mesh, self.set).filter(|_| !is_last && !others.is_empty());
+        // a rank without faces of a region knows no rule at its nodes
+        let is_last = mesh.team().any(is_own || !is_of_degree);
+        let entities = keys(mesh, self.set).filter(|_| !is_last);
         let Some(entities) = entities else { return vec![(self.set.clone(), own)] };
-        let mut found = vec![own; entities.len()];
-        let mut choices = vec![Chosen { rule: None, is_given: false }, own];
+        // by entity the best so far and where it comes from: ranks that lack a region may think another rule of it, so that parts
+        // are told apart by the names of the regions
+        let mut found = vec![(own, 0); entities.len()];
+        let mut choices = vec![own];
         let is_alike = |set: &&RegionSet| matches!(set, RegionSet::Cells(_)) == matches!(self.set, RegionSet::Cells(_));
         for (name, other) in others {
+            choices.push(other);
             let Some(set) = regions.get(name).map(|region| &region.set).filter(is_alike) else { continue };
             let Some(members) = keys(mesh, set) else { continue };
             let mut members: Vec<Key> = members.into_iter().flatten().collect();
             members.sort_unstable();
-            choices.push(other);
             for (entity, best) in entities.iter().zip(&mut found) {
                 let is_there = || entity.iter().any(|key| members.binary_search(key).is_ok());
-                if Self::rank(other) > Self::rank(*best) && is_there() {
-                    *best = other;
+                if Self::rank(other) > Self::rank(best.0) && is_there() {
+                    *best = (other, choices.len() - 1);
                 }
             }
         }
         let mut parts = Vec::new();
-        for (n, choice) in choices.iter().enumerate().filter(|(n, choice)| !choices[..*n].contains(choice)) {
-            let at: Vec<usize> = (0..found.len()).filter(|k| found[*k] == *choice).collect();
+        for (n, choice) in choices.into_iter().enumerate() {
+            let at: Vec<usize> = (0..found.len()).filter(|k| found[*k].1 == n).collect();
             // on all ranks or none
-            if mesh.team().any(!at.is_empty()) || n == 0 && mesh.team().all(found.is_empty()) {
-                parts.push((some(self.set, &at), *choice));
+            if mesh.team().any(!at.is_empty()) {
+                parts.push((some(self.set, &at), choice));
             }
+        }
+        if parts.is_empty() {
+            parts.push((self.set.clone(), own));
         }
         parts
     }

@@ -124,7 +124,7 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
                     loses = true;
                 } else {
                     rows.keep(&ends);
-                    several.extend((ends.len() > 1).then_some((k, *node, ends)));
+                    several.extend((ends.len() > 1).then_some(Several { field: k, node: *node, jumps: ends }));
                 }
             }
             nodes += usize::from(loses);
@@ -148,6 +148,13 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
     shared
 }
 
+/// A node of a multiplier with several jumps.
+struct Several {
+    field: usize,
+    node: u32,
+    jumps: Vec<(End, End)>,
+}
+
 /// Whether more than two facets of a surface meet in a node of a plane mesh, or along an edge.
 fn branches(mesh: &Mesh, space: &Space) -> bool {
     let Support::Facets(facets) = space.support() else { return false };
@@ -168,11 +175,11 @@ fn branches(mesh: &Mesh, space: &Space) -> bool {
 }
 
 /// W424 for each multiplier that has one value for jumps of which several are free.
-fn crossings(on: &Multipliers<'_>, rows: &Rows, several: &[(usize, u32, Vec<(End, End)>)]) -> Vec<Diagnostic> {
+fn crossings(on: &Multipliers<'_>, rows: &Rows, several: &[Several]) -> Vec<Diagnostic> {
     let mut nodes: BTreeMap<usize, BTreeSet<u32>> = BTreeMap::new();
-    for (k, node, jumps) in several {
+    for Several { field, node, jumps } in several {
         if jumps.iter().any(|jump| !rows.beyond(Rows::row(&[*jump])).is_empty()) {
-            nodes.entry(*k).or_default().insert(*node);
+            nodes.entry(*field).or_default().insert(*node);
         }
     }
     let told = |(k, nodes): (usize, BTreeSet<u32>)| {
