@@ -166,9 +166,9 @@ pub(crate) fn kinds(run: &Solved) -> Result<Vec<Kind>, String> {
         let mut tangent = system.new_tangent();
         system.tangent(last.unknowns, Branches::AsWritten, &mut tangent).map_err(told)?;
         for (first, kind) in &mut kinds {
-            let bodies = (0..system.n_bodies()).filter(|body| system.alike(system.field_of_body(*body)) == *first);
-            kind.vanishes =
-                { bodies }.all(|body| system.is_zero_but_for_rounding(last.unknowns, &residual, &tangent, body));
+            let is_own = |body: &usize| system.alike(system.field_of_body(*body)) == *first;
+            let is_zero = |body| system.is_zero_but_for_rounding(last.unknowns, &residual, &tangent, body);
+            kind.vanishes = (0..system.n_bodies()).filter(is_own).all(is_zero);
         }
     }
     Ok(kinds.into_iter().map(|(_, kind)| kind).collect())
@@ -242,7 +242,8 @@ pub struct Compared<'a> {
     pub measures: &'a [(String, f64)],
 }
 
-/// Relative differences from a reference by quantity, of norms of unknowns that of the worst kind; not a number where too many points were not found. A measure with
+/// Relative differences from a reference by quantity, of norms of unknowns that of the worst kind; not a number where too
+/// many points were not found. A measure with
 /// the name of an output is called `measure NAME`.
 #[must_use]
 pub fn differences(found: Compared<'_>, reference: Compared<'_>) -> Vec<(String, f64)> {

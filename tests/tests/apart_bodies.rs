@@ -87,3 +87,15 @@ fn bodies_that_a_spring_connects_are_judged_together() {
     let found = solved(bars(1e-4, "", ""));
     assert_eq!(found.scene.system.n_bodies(), found.scene.system.fields.len() + 1);
 }
+
+/// Cells of a discontinuous field that no term connects are one body where the mesh is one: a projection has as many as it has
+/// fields.
+#[test]
+fn a_projection_on_cells_is_one_body() {
+    let found = solved(
+        "mesh box [0,0] to [2,1] cells [20,10] quad\nunknown q : scalar DQ0\nterm same on all : (q - x)*Test_q\n\
+         measure m = integral(q) on all\n",
+    );
+    assert_eq!(found.scene.system.n_bodies(), 1);
+    assert!((found.measure(0, "m") - 2.0).abs() < 1e-13);
+}

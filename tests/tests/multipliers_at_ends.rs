@@ -224,20 +224,30 @@ fn bodies_that_meet_in_a_cross_are_tied_in_every_order() {
 /// One multiplier on a surface that branches has one value for two jumps: it is told.
 #[test]
 fn one_multiplier_on_a_surface_that_branches_is_told() {
+    // in space the line where three bodies meet has two nodes
+    for (mesh, pull, nodes) in [
+        ("[0,0] to [2,2] cells [4,4] quad", "[2,-1]", "at 1 node"),
+        ("[0,0,0] to [2,2,1] cells [4,4,1] hex", "[2,-1,0]", "at 2 nodes"),
+    ] {
+        branching(mesh, pull, nodes);
+    }
+}
+
+fn branching(mesh: &str, pull: &str, nodes: &str) {
     let scene = |multipliers: &str| {
         format!(
-            "mesh box [0,0] to [2,2] cells [4,4] quad\nregion a = cells where y > 1\nregion b = cells where x < 1 and y < 1\n\
+            "mesh box {mesh}\nregion a = cells where y > 1\nregion b = cells where x < 1 and y < 1\n\
              region c = cells where x > 1 and y < 1\nregion under = b + c\nregion up = interface from under to a\n\
              region low = interface from b to c\nregion tee = low + up\nregion s = interface along tee\n\
              region held = faces where x == 0 and y <= 0.5\nregion rest = boundary - held\nunknown u : scalar\nsplit u across s\n\
              {multipliers}def exact = 1 + 2*x - y\ndef jump(v) = v - Interpolate(v, neighbor_element)\n\
-             term body on all : Grad_u.Grad_Test_u\nfix u = exact on held\nload u = [2,-1].Normal on rest\n\
+             term body on all : Grad_u.Grad_Test_u\nfix u = exact on held\nload u = {pull}.Normal on rest\n\
              measure off = max(abs(u - exact)) on all\n"
         )
     };
     let one = scene("multiplier m : scalar on s\nterm tie on s : m*jump(Test_u) + Test_m*jump(u)\n");
     let tried = attempt(&examples(), one, &[], &[]);
-    assert!(tried.messages.contains("W424") && tried.messages.contains("at 1 node"), "{}", tried.messages);
+    assert!(tried.messages.contains("W424") && tried.messages.contains(nodes), "{}", tried.messages);
     let two = scene(
         "multiplier m : scalar on up\nmultiplier l : scalar on low\nterm tie on up : m*jump(Test_u) + Test_m*jump(u)\n\
          term seam on low : l*jump(Test_u) + Test_l*jump(u)\n",

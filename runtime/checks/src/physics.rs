@@ -13,7 +13,7 @@ use super::{
     moments::{Moments, moments},
     multiplier_law::LawDefect,
 };
-use wfl_contact::{Alternation, ContactGaps, Look, PressedFaces, contact_gaps};
+use wfl_contact::{Alternation, ContactGaps, Look, Moved, PressedFaces, contact_gaps};
 use wfl_discrete::assemble::TermError;
 use wfl_discrete::field::FieldSpace;
 use wfl_discrete::finite::{largest, position as position_of, short};
@@ -390,13 +390,17 @@ fn scrambled(system: &System, u: &[f64]) -> Vec<f64> {
 pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
     let system = state.system;
     let displacements = displacement_groups(system).concat();
-    let moved = moved_by_term(state, &displacements);
-    let has_moved = moved.iter().any(Option::is_some);
+    let mut by_body = system.largest_of_alike(state.u);
+    (0..by_body.len())
+        .filter(|body| !displacements.contains(&system.field_of_body(*body)))
+        .for_each(|body| by_body[body] = 0.0);
+    let moved = Moved { by_body: &by_body, least: UNMOVED * system.extent() };
+    let has_moved = by_body.iter().any(|size| *size > moved.least);
     let mut found = Conditions::default();
     if has_moved {
-        found = of_contact(state, &moved, Look::Quick);
+        found = of_contact(state, moved, Look::Quick);
         if !found.narrow.is_empty() || !found.checks.iter().all(PhysicsCheck::holds) {
-            found = of_contact(state, &moved, Look::Careful);
+            found = of_contact(state, moved, Look::Careful);
         }
     }
     if displacements.is_empty() || has_moved {
@@ -406,25 +410,9 @@ pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
     found
 }
 
-/// By term the largest displacement of the bodies that it acts on, on any rank; none where that is rounding of positions.
-fn moved_by_term(state: Solved<'_>, displacements: &[usize]) -> Vec<Option<f64>> {
-    let system = state.system;
-    let sizes = system.largest_of_alike(state.u);
-    let mut moves = vec![false; system.terms.len() * sizes.len()];
-    for (term, moves) in system.terms.iter().zip(moves.chunks_exact_mut(sizes.len().max(1))) {
-        term.dofs().into_iter().for_each(|dof| moves[system.body_of(dof as usize)] = true);
-    }
-    let of_body = |body: usize| if displacements.contains(&system.field_of_body(body)) { sizes[body] } else { 0.0 };
-    let of_term = |moves: &[bool]| largest((0..sizes.len()).filter(|body| moves[*body]).map(of_body));
-    let mut moved: Vec<f64> = moves.chunks_exact(sizes.len().max(1)).map(of_term).collect();
-    system.team().max(&mut moved);
-    let least = UNMOVED * system.extent();
-    moved.into_iter().map(|moved| (moved > 0.0 && moved > least).then_some(moved)).collect()
-}
-
-/// The conditions of contact at a state with these largest displacements by term, zones that cover no face, and pressures that
+/// The conditions of contact at a state with these largest displacements, zones that cover no face, and pressures that
 /// alternate.
-fn of_contact(state: Solved<'_>, moved: &[Option<f64>], look: Look) -> Conditions {
+fn of_contact(state: Solved<'_>, moved: Moved<'_>, look: Look) -> Conditions {
     let mut found = Conditions::default();
     for (term, largest, gaps) in contact_gaps(state.system, state.contact, state.u, moved, look) {
         if gaps.pressed.are_too_large() {

@@ -63,8 +63,7 @@ impl Response {
         let mut error = vec![0.0; u.len()];
         for (field, solution) in by_field {
             // what is uncertain in one body changes none that nothing connects with it
-            let on = |body: usize| largest(system.bodies_beside(body, *field).map(|beside| quotients[beside]));
-            let on: Vec<f64> = (0..system.n_bodies()).map(on).collect();
+            let on = system.largest_beside(&quotients, |body| system.field_of_body(body) == *field);
             let all = error.iter_mut().zip(solution).enumerate();
             all.for_each(|(dof, (sum, x))| *sum += on[system.body_of(dof)] * x.abs());
         }

@@ -24,6 +24,7 @@ use super::{
 };
 use wfl_discrete::assemble::{AssembledTerm, Bound, FieldValues, Workspace};
 use wfl_discrete::field::Field;
+use wfl_discrete::finite::largest;
 use wfl_discrete::system::System;
 use wfl_host::team::Team;
 
@@ -259,16 +260,41 @@ struct Motion {
     slopes: Vec<(usize, usize)>,
 }
 
+/// How far bodies have moved.
+#[derive(Clone, Copy, Debug)]
+pub struct Moved<'a> {
+    /// By body its largest displacement, with those that it meets, on any rank; zero for what is no displacement.
+    pub by_body: &'a [f64],
+    /// What is no more than rounding of positions.
+    pub least: f64,
+}
+
+impl Moved<'_> {
+    /// The largest displacement of the bodies that a term acts on, on any rank; none where that is rounding.
+    fn of_term(&self, system: &System, term: usize) -> Option<f64> {
+        let term = &system.terms[term];
+        // where each field is one body, nobody has to look at dofs
+        let most = if self.by_body.len() == system.fields.len() {
+            largest(term.coupled_fields().map(|field| self.by_body[field.index()]))
+        } else {
+            system
+                .team()
+                .largest(largest(term.dofs().into_iter().map(|dof| self.by_body[system.body_of(dof as usize)])))
+        };
+        (most > self.least).then_some(most)
+    }
+}
+
 /// What each contact law leaves of gaps and friction cones at `u`, with the name of its term and the largest displacement of
-/// its bodies, `moved` by term; terms without one are left out. A law that moves nothing itself is left out beside one that does, and so are laws on cells, and laws that
-/// push nothing ([`ContactTerm::pushes`]). Of a law whose images follow the bodies it is what their rays tell
+/// its bodies; where they have not moved it is left out. A law that moves nothing itself is left out beside one that does, and
+/// so are laws on cells, and laws that push nothing ([`ContactTerm::pushes`]). Of a law whose images follow the bodies it is what their rays tell
 /// (`following.rs`).
 #[must_use]
 pub fn contact_gaps<'a>(
     system: &'a System,
     contact: &Contact,
     u: &[f64],
-    moved: &[Option<f64>],
+    moved: Moved<'_>,
     look: Look,
 ) -> Vec<(&'a str, f64, ContactGaps)> {
     let values = system.values_with(u, contact.active_set());
@@ -279,7 +305,7 @@ pub fn contact_gaps<'a>(
     };
     let still = vec![0.0; if look == Look::Careful { u.len() } else { 0 }];
     let of = |t: &ContactTerm| {
-        let (name, moved) = (system.terms[t.term].law.name.as_str(), moved[t.term]?);
+        let (name, moved) = (system.terms[t.term].law.name.as_str(), moved.of_term(system, t.term)?);
         let data = t.as_written_near(system, values.view(), AS_WRITTEN);
         let mut current: Vec<&[f64]> = values.current.clone();
         data.stand_in(t.field, &mut current);

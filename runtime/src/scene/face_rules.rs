@@ -22,13 +22,14 @@ use wfl_compiler::{
 use super::{
     Parts,
     constants::number,
+    normals::faces_of,
     rule_choice::{RuleChoice, Rules, end_on_axis, ends, highest, is_bound},
     terms::{PlacedLaw, TermMaker},
 };
 use crate::{
     element::Family,
     field::{Field, FieldSpace},
-    mesh::{CellKind, FacetRef, Mesh, RegionSet},
+    mesh::{CellKind, FacetRef, Mesh},
 };
 
 /// A force below this part of that at the middle of the face is none.
@@ -128,11 +129,7 @@ impl TermMaker<'_> {
 /// The rule of the terms on one region of faces, if it is not that of their degrees.
 fn choice(parts: Parts<'_>, laws: &[&PlacedLaw]) -> Option<RuleChoice> {
     let set = laws.iter().find_map(|l| l.set.as_ref().filter(|_| l.at_nodes.is_none()))?;
-    let facets: Vec<FacetRef> = match set {
-        RegionSet::Facets(facets) => facets.clone(),
-        RegionSet::Interface(pairs) => pairs.iter().map(|p| p.here).collect(),
-        RegionSet::Cells(_) | RegionSet::Edges(_) | RegionSet::Nodes(_) => return None,
-    };
+    let facets = faces_of(set)?;
     let kinked: Vec<&PlacedLaw> = laws.iter().copied().filter(|l| l.law.degree.kinked).collect();
     let mapped = laws.iter().any(|l| l.law.listing.graph.mapping.is_some());
     // of quadrilaterals the nodes do not see enough of the traction of a body: Nitsche's method would need four times the

@@ -240,3 +240,12 @@ fn slip_on_a_circle_of_few_faces_is_not_claimed() {
     let ran = demand("rings", &scene("accuracy_rings"), 1e-2, "slip");
     assert!(ran.code == 4 && ran.tells("E605") && ran.text.contains("polygon"), "{}", ran.text);
 }
+
+/// Numbers that measures make, and events that are about a measure, stay where the search needs them and go where it does not.
+#[test]
+fn scenes_whose_measures_are_used_by_others_can_be_asked_for_an_accuracy() {
+    let text = on_a_line("sin(pi*x)", 4)
+        + "measure m = integral(u) on all\nmeasure k = 2*m\nsteps t = 0 to 1 by 1\nevent high = m > 1/2\nexpect k > 1\n";
+    let ran = demand("made-of-measures", &text, 1e-3, "L2");
+    assert!(ran.code == 0 && (ran.last("k") / (4.0 / std::f64::consts::PI) - 1.0).abs() < 1e-3, "{}", ran.text);
+}

@@ -13,10 +13,13 @@ use std::{
 };
 
 use wfl_compiler::types::FieldKind;
+use wfl_mesh::element::Family;
 
 use super::{FIXED, System};
 use crate::field::FieldSpace;
 use crate::finite::largest;
+use crate::share::NumbersOfWhole;
+use crate::space::Support;
 
 /// See the module documentation.
 #[derive(Debug)]
@@ -25,6 +28,8 @@ pub(super) struct Bodies {
     fields: Vec<usize>,
     /// By dof: its body. Empty where each field is one.
     of_dof: Vec<u32>,
+    /// By body: its dofs. Empty where each field is one.
+    dofs: Vec<Vec<u32>>,
     /// By body: the first of those that share its measure.
     meets: Vec<usize>,
     /// By body: which part of the equations it belongs to, parts that nothing connects; `None` where that may be several.
@@ -73,20 +78,19 @@ impl System {
 
     fn find_bodies(&self) -> Bodies {
         let n = self.fields.len();
-        let single =
-            Bodies { fields: (0..n).collect(), of_dof: Vec::new(), meets: self.meets.clone(), parts: vec![Some(0); n] };
+        let single = Bodies {
+            fields: (0..n).collect(),
+            of_dof: Vec::new(),
+            dofs: Vec::new(),
+            meets: self.meets.clone(),
+            parts: vec![Some(0); n],
+        };
         // single equations are judged one by one
         let splits = |k: &usize| !self.has_single_equations(*k) && self.range(*k).is_some();
         let split: Vec<usize> = (0..n).filter(splits).collect();
         let mut joined = Joined::new(self.numbering.n_dofs);
         self.join_nodes(&mut joined);
-        let mut is_whole = |k: &usize| {
-            let mut own = self.range(*k).into_iter().flatten().map(|dof| joined.root(dof as u32));
-            let first = own.next();
-            own.all(|root| Some(root) == first)
-        };
-        // of several ranks each may have one of two bodies
-        if self.share.is_none() && split.iter().all(&mut is_whole) {
+        if self.are_whole(&split, &mut joined) {
             return single;
         }
         self.join_equations(&mut joined);
@@ -115,13 +119,37 @@ impl System {
             bodies.of_dof.clear();
             return bodies;
         }
+        bodies.dofs = vec![Vec::new(); bodies.fields.len()];
+        for dof in (0..n).filter_map(|k| self.range(k)).flatten() {
+            bodies.dofs[bodies.of_dof[dof] as usize].push(dof as u32);
+        }
         let mut firsts = BTreeMap::new();
         let measure = |b: usize| (self.meets[bodies.fields[b]], bodies.parts[b]);
         let meets = (0..bodies.fields.len()).map(|b| *firsts.entry(measure(b)).or_insert(b)).collect();
         Bodies { meets, ..bodies }
     }
 
-    /// Joins the components of each node, and nodes of each cell.
+    /// Whether each of some fields hangs together through its cells, on all ranks as one.
+    fn are_whole(&self, fields: &[usize], joined: &mut Joined) -> bool {
+        let ranges = fields.iter().filter_map(|k| self.range(*k));
+        if self.share.is_none() {
+            return ranges.into_iter().all(|mut range| {
+                let first = range.next().map(|dof| joined.root(dof as u32));
+                range.all(|dof| Some(joined.root(dof as u32)) == first)
+            });
+        }
+        let labels = self.labels(joined);
+        // the lowest label of a field on any rank, turned round, and the highest
+        let ends = |range: std::ops::Range<usize>| {
+            let own = &labels[range];
+            [!own.iter().copied().min().unwrap_or(u64::MAX), own.iter().copied().max().unwrap_or(0)]
+        };
+        let mut ends: Vec<u64> = ranges.flat_map(ends).collect();
+        self.team().max_words(&mut ends);
+        ends.as_chunks().0.iter().all(|[low, high]| !low == *high)
+    }
+
+    /// Joins the components of each node, nodes of each cell, and cells of a discontinuous field that the mesh connects.
     fn join_nodes(&self, joined: &mut Joined) {
         for (field, start) in self.fields.iter().zip(&self.numbering.starts) {
             let (Some(start), n) = (*start, field.n_components) else { continue };
@@ -130,8 +158,21 @@ impl System {
                 (1..n as u32).for_each(|c| joined.join(dof(node), dof(node) + c));
             }
             let FieldSpace::Nodal(space) = &field.space else { continue };
+            // cells that have no node in common are one body where the mesh is one
+            let bodies = if space.family() == Family::Discontinuous { self.mesh.bodies() } else { Vec::new() };
+            let mut firsts = BTreeMap::new();
             for position in 0..space.n_positions() {
-                joined.join_all(space.entity_nodes(position).iter().map(|node| dof(*node as usize)));
+                let mut nodes = space.entity_nodes(position).iter().map(|node| dof(*node as usize)).peekable();
+                if let (Some(first), false) = (nodes.peek().copied(), bodies.is_empty()) {
+                    let cell = match space.support() {
+                        Support::Cells(cells) => cells[position],
+                        Support::Facets(facets) => facets[position].cell,
+                        Support::Edges(edges) => edges[position].face.cell,
+                    };
+                    let body = bodies[self.mesh.cell_vertices(cell)[0].index()];
+                    joined.join(*firsts.entry(body).or_insert(first), first);
+                }
+                joined.join_all(nodes);
             }
         }
     }
@@ -157,7 +198,13 @@ impl System {
         let roots: Vec<usize> = (0..n).map(|dof| joined.root(dof as u32) as usize).collect();
         let Some(share) = &self.share else { return roots.into_iter().map(|root| root as u64).collect() };
         // the largest of negative numbers: what owners and copies tell each other
-        let mut labels: Vec<f64> = (0..n).map(|dof| -(self.dof_number(dof) as f64)).collect();
+        let mut labels: Vec<f64> = match self.mesh.holders().is_alone() {
+            true => (0..n).map(|dof| -(dof as f64)).collect(),
+            false => {
+                let numbers = NumbersOfWhole::new(&self.fields, &self.numbering);
+                (0..n).map(|dof| -(numbers.of(dof) as f64)).collect()
+            }
+        };
         loop {
             let before = labels.clone();
             let mut most = vec![f64::NEG_INFINITY; n];
@@ -217,19 +264,32 @@ impl System {
         self.all_bodies().meets[body]
     }
 
-    /// The bodies of `field` that equations may connect with `body`.
-    pub fn bodies_beside(&self, body: usize, field: usize) -> impl Iterator<Item = usize> + '_ {
-        let all = self.all_bodies();
-        let part = all.parts[body];
-        let meets = move |body: &usize| part.is_none() || all.parts[*body].is_none() || all.parts[*body] == part;
-        (0..all.fields.len()).filter(move |body| all.fields[*body] == field).filter(meets)
+    /// By body the largest of numbers by body, which are not negative, among those that count and that equations may connect
+    /// with it.
+    #[must_use]
+    pub fn largest_beside(&self, numbers: &[f64], counts: impl Fn(usize) -> bool) -> Vec<f64> {
+        let parts = &self.all_bodies().parts;
+        let (mut of_part, mut of_several, mut of_all) = (BTreeMap::<u64, f64>::new(), 0.0f64, 0.0f64);
+        for (body, part) in parts.iter().enumerate().filter(|(body, _)| counts(*body)) {
+            let most = part.map_or(&mut of_several, |part| of_part.entry(part).or_insert(0.0));
+            *most = largest([*most, numbers[body]]);
+            of_all = largest([of_all, numbers[body]]);
+        }
+        let beside = |part: &Option<u64>| match part {
+            Some(part) => largest([of_several, of_part.get(part).copied().unwrap_or(0.0)]),
+            None => of_all,
+        };
+        parts.iter().map(beside).collect()
     }
 
     /// The dofs of a body.
     pub fn dofs_of_body(&self, body: usize) -> impl Iterator<Item = usize> + '_ {
         let all = self.all_bodies();
-        let range = self.range(all.fields[body]).unwrap_or_default();
-        range.filter(move |dof| all.of_dof.get(*dof).is_none_or(|of| *of as usize == body))
+        let (listed, range) = match all.dofs.get(body) {
+            Some(listed) => (listed.as_slice(), 0..0),
+            None => (&[][..], self.range(all.fields[body]).unwrap_or_default()),
+        };
+        listed.iter().map(|dof| *dof as usize).chain(range)
     }
 
     /// By body the largest of numbers by dof that this rank has; zero for fields that are not solved for.

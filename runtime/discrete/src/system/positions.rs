@@ -44,31 +44,31 @@ impl System {
             return Vec::new();
         }
         let is_placed = |dof: u32| fields[self.field_of(dof as usize)];
-        let mut out = self.row_sums(tangent, is_placed);
-        out.iter_mut().for_each(|sum| *sum *= farthest);
-        out
+        self.row_sums(tangent, |dof| if is_placed(dof) { *farthest } else { 0.0 })
     }
 
     /// By body: the largest row sum of |K| of the changing terms among the bodies that it meets, on any rank: the stiffness
     /// against a motion of all neighbours one against the other.
     #[must_use]
     pub fn stiffness(&self, tangent: &Tangent) -> Vec<f64> {
-        self.largest_of_alike(&self.row_sums(tangent, |_| true))
+        self.largest_of_alike(&self.row_sums(tangent, |_| 1.0))
     }
 
-    /// By dof, in the rows of this rank: the sum of |K| of the changing terms over some columns, over all where they are applied.
-    pub(super) fn row_sums(&self, tangent: &Tangent, counts: impl Fn(u32) -> bool) -> Vec<f64> {
+    /// By dof, in the rows of this rank: the sum of |K| of the changing terms over columns times a weight by dof; where they are
+    /// applied, the sum over all times the largest weight.
+    pub(super) fn row_sums(&self, tangent: &Tangent, weight: impl Fn(u32) -> f64) -> Vec<f64> {
         let mut out = vec![0.0; self.numbering.n_dofs];
         if let Some(applied) = &tangent.applied {
             let mut sums = applied.row_sums();
             self.numbering.turn_sizes(&mut sums);
-            self.numbering.free_dofs.iter().for_each(|dof| out[*dof as usize] = sums[*dof as usize]);
+            let most = self.team().largest(largest((0..out.len() as u32).map(&weight)));
+            self.numbering.free_dofs.iter().for_each(|dof| out[*dof as usize] = most * sums[*dof as usize]);
             return out;
         }
         for row in 0..self.numbering.n_free() {
             let (columns, values) = tangent.changing.row(row);
-            let counted = columns.iter().zip(values).filter(|(c, _)| counts(self.numbering.free_dofs[**c as usize]));
-            out[self.numbering.free_dofs[row] as usize] = counted.map(|(_, v)| v.abs()).sum();
+            let of = |(c, v): (&u32, &f64)| v.abs() * weight(self.numbering.free_dofs[*c as usize]);
+            out[self.numbering.free_dofs[row] as usize] = columns.iter().zip(values).map(of).sum();
         }
         out
     }

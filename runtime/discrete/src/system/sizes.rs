@@ -29,20 +29,27 @@ impl System {
     pub fn multipliers_beside(&self, forces: &[f64], tangent: &Tangent) -> Vec<[f64; 2]> {
         let mut out = vec![[0.0; 2]; self.n_bodies()];
         let kind = |body: usize| self.fields[self.field_of_body(body)].kind;
-        for (body, found) in out.iter_mut().enumerate().filter(|(body, _)| kind(*body) == FieldKind::Multiplier) {
+        for (field, own) in (0..self.fields.len()).filter_map(|k| Some((k, self.range(k)?))) {
+            if self.fields[field].kind != FieldKind::Multiplier {
+                continue;
+            }
+            // bodies of one field that nothing connects have rows of their own: one product serves all
             let mut ones = vec![0.0; self.numbering.n_dofs];
-            self.dofs_of_body(body).for_each(|dof| ones[dof] = 1.0);
+            ones[own].fill(1.0);
             let (mut part, mut sums) = (ones.clone(), ones.clone());
             if !self.multiply_linear(&ones, None, [&mut part, &mut sums, &mut []]) {
                 sums.fill(0.0);
             }
-            let changing = self.row_sums(tangent, |dof| self.body_of(dof as usize) == body);
+            let changing = self.row_sums(tangent, |dof| ones[dof as usize]);
             sums.iter_mut().zip(changing).for_each(|(sum, changing)| *sum += changing);
             let mut rows = self.largest_by_body(&sums);
             self.team().max(&mut rows);
-            let acts_on = |k: &usize| kind(*k) == FieldKind::Unknown && rows[*k] > 0.0;
-            let value = largest((0..rows.len()).filter(acts_on).map(|k| forces[k] / rows[k]));
-            *found = [value, value * rows[body]];
+            let acts_on = |k: usize| kind(k) == FieldKind::Unknown && rows[k] > 0.0;
+            let values: Vec<f64> =
+                (0..rows.len()).map(|k| if acts_on(k) { forces[k] / rows[k] } else { 0.0 }).collect();
+            let beside = self.largest_beside(&values, acts_on);
+            let bodies = out.iter_mut().enumerate().filter(|(body, _)| self.field_of_body(*body) == field);
+            bodies.for_each(|(body, found)| *found = [beside[body], beside[body] * rows[body]]);
         }
         out
     }
@@ -61,10 +68,8 @@ impl System {
         if !self.multiply_linear(&all, None, [&mut part, &mut sums, &mut []]) {
             sums.fill(0.0);
         }
-        for body in self.unknown_bodies().filter(|body| largest[*body] > 0.0) {
-            let rows = self.row_sums(tangent, |dof| self.body_of(dof as usize) == body);
-            sums.iter_mut().zip(rows).for_each(|(sum, row)| *sum += row * largest[body]);
-        }
+        let rows = self.row_sums(tangent, |dof| all[dof as usize]);
+        sums.iter_mut().zip(rows).for_each(|(sum, row)| *sum += row);
         let mut rows = self.largest_by_body(&sums);
         self.team().max(&mut rows);
         let is_multiplier = |body: usize| self.fields[self.field_of_body(body)].kind == FieldKind::Multiplier;
