@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{
     field::{Field, FieldSpace},
-    mesh::{FacetId, FacetRef, Mesh, Topology},
+    mesh::{FacetId, FacetRef, Mesh, NodeId, Topology},
     space::{Space, Support},
     system::Numbering,
 };
@@ -158,18 +158,11 @@ struct Several {
 /// Whether more than two facets of a surface meet in a node of a plane mesh, or along an edge.
 fn branches(mesh: &Mesh, space: &Space) -> bool {
     let Support::Facets(facets) = space.support() else { return false };
-    let mut counts: BTreeMap<[usize; 2], usize> = BTreeMap::new();
-    for facet in facets {
-        let of = mesh.facet_vertices(*facet);
-        let vertices: Vec<usize> = of.vertices().iter().map(|v| v.index()).collect();
-        if mesh.dim() < 3 {
-            vertices.iter().for_each(|v| *counts.entry([*v; 2]).or_default() += 1);
-        } else {
-            for (n, a) in vertices.iter().enumerate() {
-                let b = vertices[(n + 1) % vertices.len()];
-                *counts.entry([*a.min(&b), *a.max(&b)]).or_default() += 1;
-            }
-        }
+    let mut counts: BTreeMap<Vec<NodeId>, usize> = BTreeMap::new();
+    for edge in facets.iter().flat_map(|facet| mesh.edges_of_face(*facet)) {
+        let mut ends = mesh.edge_ends(edge);
+        ends.sort_unstable();
+        *counts.entry(ends).or_default() += 1;
     }
     counts.into_values().any(|n| n > 2)
 }
