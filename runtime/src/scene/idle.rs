@@ -1,8 +1,9 @@
 //! Multiplier components without a jump: prescribed values, or the mesh, leave the two sides no relative displacement.
 //!
 //! At a node the terms couple the components of a multiplier with displacements at that position: the rows of the jump.
-//! A direction of the multiplier without a free displacement there is idle; its equation is empty. Such a direction is
-//! dropped, with two exceptions, in which it takes the value of the multiplier at the nearest node where it is not idle,
+//! A direction of the multiplier without a free displacement there is idle, unless the multiplier is of lower degree and
+//! the jumps between its nodes determine it (`coarse.rs`). Its equation is empty or follows from others. Such a direction
+//! is dropped, with two exceptions, in which it takes the value of the multiplier at the nearest node where it is not idle,
 //! as the mortar method uses constants at the ends of an interface (Wohlmuth 2000), so that a uniform traction stays
 //! uniform:
 //! - a law depends on it where the sides can still move in another direction: friction needs the normal traction at a
@@ -15,6 +16,7 @@
 //! nothing changes where no displacement is prescribed and no crack ends. Redundancy between two multipliers is the task
 //! of `meeting.rs`.
 
+mod coarse;
 mod directions;
 
 use std::{
@@ -38,6 +40,7 @@ use crate::{
     space::{Space, Support},
     system::{FIXED, System, Tie},
 };
+use coarse::{Patch, Tangents};
 use directions::{Node, Split};
 
 /// What `wfl check` says of nodes whose sides are one: the multiplier and the reason.
@@ -79,11 +82,14 @@ pub(super) fn leave_out(
     if candidates.is_empty() {
         return Ok(Notes::new());
     }
-    let numbers = numbers(system, &candidates);
+    let patches = coarse::patches(system, &candidates);
+    let numbers = numbers(system, &candidates, &patches);
     let size = 1e-3 * extent(&system.mesh);
     let stick = couplings(system, contact, &numbers, Friction::Sticks, size)?;
     let slip = couplings(system, contact, &numbers, Friction::Slips, size)?;
-    let nodes: Vec<Node> = candidates.iter().map(|c| Node::new(system, &numbers, &stick, c)).collect();
+    let mut on = Tangents { matrices: &stick, numbers: &numbers, idle: BTreeSet::new() };
+    let around = candidates.iter().zip(&patches);
+    let nodes: Vec<Node> = around.map(|(candidate, patches)| Node::new(system, &mut on, candidate, patches)).collect();
     let splits: Vec<Split> = (0..nodes.len()).map(|k| Split::new(system, &numbers, &slip, &nodes, k)).collect();
     let plan = Plan::new(system, &candidates, splits);
     let notes = plan.tell(script, system, &candidates, diagnostics);
@@ -221,10 +227,11 @@ fn lives_on_one_side(space: &Space, topology: &Topology, facets: &[FacetRef]) ->
     facets.iter().any(|facet| topology.opposite(*facet).is_some_and(|other| has(*facet) != has(other)))
 }
 
-/// Numbers for the dofs of all entities of terms with multipliers that hold a candidate.
-fn numbers(system: &System, candidates: &[Candidate]) -> Vec<u32> {
+/// Numbers for the dofs of all entities of terms with multipliers that hold a candidate, or a multiplier of a patch.
+fn numbers(system: &System, candidates: &[Candidate], patches: &[Vec<Patch>]) -> Vec<u32> {
     let n = |c: &Candidate| system.fields[c.field].n_components;
-    let wanted: BTreeSet<usize> = candidates.iter().flat_map(|c| c.first..c.first + n(c)).collect();
+    let mut wanted: BTreeSet<usize> = candidates.iter().flat_map(|c| c.first..c.first + n(c)).collect();
+    wanted.extend(patches.iter().flatten().flat_map(|patch| patch.rows()));
     let mut numbers = vec![FIXED; system.numbering.n_dofs];
     let mut next = 0;
     for term in system.terms.iter().filter(|t| has_multiplier(system, t)) {

@@ -8,7 +8,9 @@ use nalgebra::DMatrix;
 
 use super::{
     super::constraints::{SAME_PLACE, extent},
-    Candidate, entry,
+    Candidate,
+    coarse::{Patch, Tangents},
+    entry,
 };
 use crate::{
     csr::Csr,
@@ -31,17 +33,18 @@ pub(super) struct Node {
 }
 
 impl Node {
-    /// Looks at the tangents of sticking contact.
-    pub(super) fn new(system: &System, numbers: &[u32], stick: &[Csr], candidate: &Candidate) -> Self {
+    /// Looks at the tangents of sticking contact, of a coarse multiplier also at the patches around the node; what is idle
+    /// here is so for the nodes that follow.
+    pub(super) fn new(system: &System, on: &mut Tangents<'_>, candidate: &Candidate, patches: &[Patch]) -> Self {
         let field = &system.fields[candidate.field];
         let (first, n) = (candidate.first, field.n_components);
         let mut columns: Vec<Vec<f64>> = Vec::new();
         let mut acts = candidate.joined;
-        for matrix in stick {
+        for matrix in on.matrices {
             for reads in [true, false] {
                 let coupling = |c: usize, dof: usize| match reads {
-                    true => entry(matrix, numbers, first + c, dof),
-                    false => entry(matrix, numbers, dof, first + c),
+                    true => entry(matrix, on.numbers, first + c, dof),
+                    false => entry(matrix, on.numbers, dof, first + c),
                 };
                 let mut own: Vec<Vec<f64>> =
                     candidate.place.iter().map(|d| (0..n).map(|c| coupling(c, *d)).collect()).collect();
@@ -55,7 +58,9 @@ impl Node {
             }
         }
         // a multiplier that no term couples with displacements is another matter
-        let idle = if acts { null_space(n, &columns) } else { Vec::new() };
+        let mut idle = if acts { null_space(n, &columns) } else { Vec::new() };
+        idle.retain(|direction| !patches.iter().any(|patch| patch.determines(on, first, direction)));
+        on.idle.extend(idle.iter().filter_map(|v| (0..n).find(|k| v[*k].abs() >= 1.0)).map(|k| first + k));
         let position = field.node_position(candidate.node as usize);
         Self { first, n, place: candidate.place.clone(), position, joined: candidate.joined, idle }
     }
@@ -79,7 +84,7 @@ fn free_columns(system: &System, place: &[usize], own: Vec<Vec<f64>>) -> Vec<Vec
 }
 
 /// Orthonormal directions of `n` components to which all columns are orthogonal: axes first.
-fn null_space(n: usize, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
+pub(super) fn null_space(n: usize, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let meets = |v: &[f64]| columns.iter().fold(0.0f64, |m, c| m.max(dot(c, v).abs()));
     let axis = |k: usize| -> Vec<f64> { (0..n).map(|i| f64::from(u8::from(i == k))).collect() };
     let mut found: Vec<Vec<f64>> = (0..n).map(axis).filter(|v| meets(v) <= NONE).collect();

@@ -1,0 +1,222 @@
+//! Multipliers of lower degree than what they act on: at a node where the jump is prescribed the jumps beside it, between
+//! the nodes of the multiplier, may still determine it. Linear multipliers of quadratic displacements do so wherever two
+//! faces meet: dropped at the ends of a surface they would leave jumps free beside it.
+//!
+//! Promises: a direction is determined here only if it is in the whole system; what lies further away than the faces
+//! beside those of a node can add to that, and is not looked at.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::DMatrix;
+use wfl_compiler::types::FieldKind;
+
+use super::{Candidate, directions, entry};
+use crate::{
+    contact::has_multiplier,
+    csr::Csr,
+    field::FieldSpace,
+    system::{FIXED, System},
+};
+
+/// A row depends on others if the square of what it has beyond them is below this part of its own: sums of squares have
+/// rounding of 1e-16, and the root of that is what a row that depends on others has left.
+const DEPENDENT: f64 = 1e-8;
+
+/// Faces around those of a node: with one ring its row is determined on most surfaces, with two also in the corners of
+/// triangles.
+const RINGS: std::ops::RangeInclusive<usize> = 1..=2;
+
+/// The faces around a node and some rings of faces around those: the rows of all multipliers there, and the displacements
+/// that no other row reads.
+pub(super) struct Patch {
+    rows: Vec<usize>,
+    columns: Vec<usize>,
+}
+
+/// What terms with multipliers couple, by entity.
+struct Entities {
+    dofs: Vec<BTreeSet<usize>>,
+    /// The entities that have a dof.
+    having: BTreeMap<usize, Vec<usize>>,
+    /// The dofs of multipliers.
+    multipliers: Vec<std::ops::Range<usize>>,
+}
+
+impl Entities {
+    fn new(system: &System) -> Self {
+        let of_kind = |k: &usize| system.fields[*k].kind == FieldKind::Multiplier;
+        let multipliers = (0..system.fields.len()).filter(of_kind).filter_map(|k| system.range(k)).collect();
+        let mut this = Self { dofs: Vec::new(), having: BTreeMap::new(), multipliers };
+        for term in system.terms.iter().filter(|t| has_multiplier(system, t)) {
+            term.for_each_entity(|tests, trials| {
+                let dofs: BTreeSet<usize> = tests.iter().chain(trials).map(|d| *d as usize).collect();
+                for dof in &dofs {
+                    this.having.entry(*dof).or_default().push(this.dofs.len());
+                }
+                this.dofs.push(dofs);
+            });
+        }
+        this
+    }
+
+    /// The entities with some of these dofs.
+    fn around(&self, dofs: impl Iterator<Item = usize>) -> BTreeSet<usize> {
+        dofs.filter_map(|d| self.having.get(&d)).flatten().copied().collect()
+    }
+
+    /// All dofs of entities.
+    fn dofs_of(&self, entities: &BTreeSet<usize>) -> BTreeSet<usize> {
+        entities.iter().flat_map(|e| self.dofs[*e].iter().copied()).collect()
+    }
+
+    fn is_multiplier(&self, dof: usize) -> bool {
+        self.multipliers.iter().any(|range| range.contains(&dof))
+    }
+
+    /// The patches around a candidate, the smallest first.
+    fn patches(&self, system: &System, candidate: &Candidate) -> Vec<Patch> {
+        let own = candidate.first..candidate.first + system.fields[candidate.field].n_components;
+        let mut within = self.dofs_of(&self.around(own));
+        let grown = RINGS.map(|_| {
+            within = self.dofs_of(&self.around(within.iter().copied()));
+            self.patch(system, &within)
+        });
+        grown.collect()
+    }
+
+    /// The rows among some dofs, and the displacements that they alone read.
+    fn patch(&self, system: &System, dofs: &BTreeSet<usize>) -> Patch {
+        let (rows, others): (BTreeSet<usize>, BTreeSet<usize>) = dofs.iter().partition(|d| self.is_multiplier(**d));
+        let is_whole = |d: &usize| {
+            let read = self.dofs_of(&self.around(std::iter::once(*d)));
+            read.into_iter().all(|r| !self.is_multiplier(r) || rows.contains(&r))
+        };
+        let is_free = |d: &usize| system.numbering.free[*d] != FIXED && system.numbering.frames.of(*d).is_none();
+        let columns = others.into_iter().filter(is_free).filter(is_whole).collect();
+        Patch { rows: rows.into_iter().collect(), columns }
+    }
+}
+
+/// By candidate the patches around it, where a displacement has a higher degree than the multiplier; none elsewhere.
+pub(super) fn patches(system: &System, candidates: &[Candidate]) -> Vec<Vec<Patch>> {
+    let degree = |field: usize| match &system.fields[field].space {
+        FieldSpace::Nodal(space) => Some(space.degree()),
+        _ => None,
+    };
+    let is_coarse = |c: &&Candidate| {
+        let on = c.place.iter().map(|dof| system.numbering.describe(&system.fields, *dof).0);
+        !c.joined && on.filter_map(degree).max() > degree(c.field)
+    };
+    if !candidates.iter().any(|c| is_coarse(&c)) {
+        return candidates.iter().map(|_| Vec::new()).collect();
+    }
+    let entities = Entities::new(system);
+    let around = |c: &Candidate| if is_coarse(&c) { entities.patches(system, c) } else { Vec::new() };
+    candidates.iter().map(around).collect()
+}
+
+/// Tangents of sticking contact.
+pub(super) struct Tangents<'a> {
+    pub(super) matrices: &'a [Csr],
+    /// Their rows by dof.
+    pub(super) numbers: &'a [u32],
+    /// Multipliers that are known to be idle.
+    pub(super) idle: BTreeSet<usize>,
+}
+
+impl Patch {
+    /// The rows of its multipliers.
+    pub(super) fn rows(&self) -> &[usize] {
+        &self.rows
+    }
+
+    /// Whether the displacements here determine a direction of the multiplier at a candidate of `n` components: its row
+    /// does not follow from the others that are not idle, in the equations and in the forces of every tangent that has it.
+    pub(super) fn determines(&self, on: &Tangents<'_>, first: usize, direction: &[f64]) -> bool {
+        let mut found = false;
+        for matrix in on.matrices {
+            for reads in [true, false] {
+                match self.is_independent(on, matrix, reads, first, direction) {
+                    Some(true) => found = true,
+                    Some(false) => return false,
+                    None => {}
+                }
+            }
+        }
+        found
+    }
+
+    /// The same of one matrix; `None` if nothing couples the candidate there.
+    fn is_independent(
+        &self,
+        on: &Tangents<'_>,
+        matrix: &Csr,
+        reads: bool,
+        first: usize,
+        direction: &[f64],
+    ) -> Option<bool> {
+        let n = direction.len();
+        let own = first..first + n;
+        let coupling = |row: usize, column: usize| match reads {
+            true => entry(matrix, on.numbers, row, column),
+            false => entry(matrix, on.numbers, column, row),
+        };
+        // the other rows, the other directions of the node, and last the direction itself
+        let others = self.rows.iter().filter(|row| !own.contains(*row) && !on.idle.contains(*row));
+        let mut rows: Vec<Vec<f64>> =
+            others.map(|row| self.columns.iter().map(|c| coupling(*row, *c)).collect()).collect();
+        let along = |v: &[f64]| -> Vec<f64> {
+            let at = |c: &usize| (0..n).map(|k| v[k] * coupling(first + k, *c)).sum();
+            self.columns.iter().map(at).collect()
+        };
+        rows.extend(directions::null_space(n, &[direction.to_vec()]).iter().map(|v| along(v)));
+        rows.push(along(direction));
+        // units of the columns differ
+        for c in 0..self.columns.len() {
+            let largest = rows.iter().fold(0.0f64, |m, row| m.max(row[c].abs()));
+            if largest > 0.0 {
+                rows.iter_mut().for_each(|row| row[c] /= largest);
+            }
+        }
+        has_part_of_its_own(&rows)
+    }
+}
+
+/// Whether the last of some rows has a part that is orthogonal to all others; `None` if it is zero. By elimination in the
+/// products of the rows, past those that depend on earlier ones.
+fn has_part_of_its_own(rows: &[Vec<f64>]) -> Option<bool> {
+    let n = rows.len();
+    let mut products = DMatrix::from_fn(n, n, |i, j| directions::dot(&rows[i], &rows[j]));
+    let sizes: Vec<f64> = products.diagonal().iter().copied().collect();
+    if sizes[n - 1] <= 0.0 {
+        return None;
+    }
+    for k in 0..n - 1 {
+        let pivot = products[(k, k)];
+        if pivot <= DEPENDENT * sizes[k] {
+            continue;
+        }
+        for i in k + 1..n {
+            let factor = products[(i, k)] / pivot;
+            for j in k + 1..n {
+                products[(i, j)] -= factor * products[(k, j)];
+            }
+        }
+    }
+    Some(products[(n - 1, n - 1)] > DEPENDENT * sizes[n - 1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::has_part_of_its_own;
+
+    #[test]
+    fn a_row_depends_on_others_or_does_not() {
+        let third = vec![1.0, 1.0, 2.0];
+        assert_eq!(has_part_of_its_own(&[vec![1.0, 0.0, 1.0], vec![0.0, 1.0, 1.0], third.clone()]), Some(false));
+        assert_eq!(has_part_of_its_own(&[vec![1.0, 0.0, 1.0], vec![0.0, 1.0, 0.9], third.clone()]), Some(true));
+        // the first two are one row
+        assert_eq!(has_part_of_its_own(&[vec![1.0, 0.0, 1.0], vec![2.0, 0.0, 2.0], third]), Some(true));
+        assert_eq!(has_part_of_its_own(&[vec![1.0, 0.0], vec![0.0, 0.0]]), None);
+    }
+}
