@@ -196,6 +196,89 @@ fn a_pressure_passes_through_a_closed_crack() {
     assert!(told.contains("is not unique"), "{told}");
 }
 
+/// A multiplier of lower degree than the displacements, on a surface that ends at prescribed values: the jumps between its
+/// nodes determine it there. Dropped, it would leave jumps that nothing ties. A linear solution is exact, and so is the
+/// traction of the multiplier.
+#[test]
+fn coarse_multipliers_stay_at_prescribed_ends() {
+    let scene = |element: &str, multiplier: &str, cells: &str| {
+        let space = cells.ends_with("hex") || cells.ends_with("tet");
+        let (high, up, strain) = if space {
+            ("[0,0,0] to [1,1,1]", "z", "[2*x + y, -x - 3*y + z, 2*z + y]")
+        } else {
+            ("[0,0] to [1,1]", "y", "[x + 2*y, 3*x - y]")
+        };
+        format!(
+            "use \"elasticity\"\nmesh box {high} cells {cells}\nregion below = cells where {up} < 0.5\n\
+             region above = cells where {up} > 0.5\nregion s = interface from below to above\n\
+             unknown u : vector {element}\nsplit u across s\nmultiplier l : vector {multiplier} on s\n\
+             def jump(a) = a - Interpolate(a, neighbor_element)\ndef exact = {strain}\n\
+term elastic on all : work(u, Test_u, 1000, 0.25)\n\
+             term tie on s : l.jump(Test_u) + jump(u).Test_l\nfix u = exact on boundary\n\
+             measure off = max(Norm(u - exact)) on all\ndef t = traction(u, 1000, 0.25)\n\
+             measure force = max(min(Norm(l - t), Norm(l + t))) on s\nmeasure size = max(Norm(t)) on s\n"
+        )
+    };
+    for (element, multiplier, cells, told) in [
+        ("Q2", "Q1", "[4,4] quad", false),
+        ("Q2", "Q1", "[2,2] quad", false),
+        ("P2", "P1", "[4,4] tri", false),
+        ("P3", "P1", "[4,4] tri", false),
+        ("P3", "P2", "[2,4] tri", false),
+        ("Q2", "Q1", "[3,2,2] hex", false),
+        ("P2", "P1", "[4,4,2] tet", false),
+        // two values of one face for the one jump at its middle
+        ("Q2", "Q1", "[1,2] quad", true),
+        ("Q2", "Q1", "[1,2,2] hex", true),
+    ] {
+        let tried = attempt(&examples(), scene(element, multiplier, cells), &[], &[]);
+        assert_eq!(tried.messages.contains("W404"), told, "{element} {cells}: {}", tried.messages);
+        let found = tried.solved.unwrap_or_else(|| panic!("{element} {cells}: {}", tried.messages));
+        let [off, force, size] = ["off", "force", "size"].map(|name| found.measure(0, name));
+        assert!(off < 1e-13, "{element} {multiplier} {cells}: {off:e}");
+        assert!(told || force < 1e-11 * size, "{element} {multiplier} {cells}: {force:e} of {size:e}");
+    }
+}
+
+/// The same where two surfaces meet at a corner of a block, inside a body and at prescribed values, in both orders, and on a
+/// line in space.
+#[test]
+fn coarse_multipliers_stay_where_they_meet() {
+    for (element, multiplier, cells) in [
+        ("Q2", "Q1", "[0,0] to [2,2] cells [4,4] quad"),
+        ("P2", "P1", "[0,0] to [2,2] cells [4,4] tri"),
+        ("P3", "P2", "[0,0] to [2,2] cells [4,4] tri"),
+        ("Q2", "Q1", "[0,0,0] to [2,2,1] cells [4,4,2] hex"),
+    ] {
+        let [exact, low, side] = [
+            if cells.contains("hex") { "[2*x + y, -x - 3*y + z, 2*z + y]" } else { "[x + 2*y, 3*x - y]" }.to_owned(),
+            format!("multiplier l : vector {multiplier} on low\n"),
+            format!("multiplier m : vector {multiplier} on side\n"),
+        ];
+        for multipliers in [format!("{low}{side}"), format!("{side}{low}")] {
+            let tried = attempt(
+                &examples(),
+                format!(
+                    "use \"elasticity\"\nmesh box {cells}\nregion block = cells where x > 1 and y > 1\n\
+                     region right = cells where x > 1 and y < 1\nregion left = cells where x < 1\n\
+                     region low = interface from block to right\nregion side = interface from block to left\n\
+                     unknown u : vector {element}\nsplit u across low, side\n{multipliers}\
+                     def jump(a) = a - Interpolate(a, neighbor_element)\ndef exact = {exact}\n\
+                     term elastic on all : work(u, Test_u, 1000, 0.25)\n\
+                     term under on low : l.jump(Test_u) + jump(u).Test_l\n\
+                     term beside on side : m.jump(Test_u) + jump(u).Test_m\nfix u = exact on boundary\n\
+                     measure off = max(Norm(u - exact)) on all\n"
+                ),
+                &[],
+                &[],
+            );
+            assert!(!tried.messages.contains("W404"), "{element} {cells}: {}", tried.messages);
+            let off = tried.solved.unwrap_or_else(|| panic!("{element} {cells}: {}", tried.messages)).measure(0, "off");
+            assert!(off < 1e-13, "{element} {multiplier} {cells}: {off:e}");
+        }
+    }
+}
+
 /// Four bodies that meet in a cross, tied again by three multipliers: of four jumps at the crossing three are independent, and
 /// the surface that runs through holds one combination of two. Exact for every order of the declarations.
 #[test]

@@ -154,6 +154,8 @@ struct Numbered {
     rates: bool,
     /// The fields of which laws read the end of the previous step.
     past: BTreeSet<usize>,
+    /// Multipliers that may follow from others.
+    shared: BTreeSet<usize>,
     /// None after an error.
     assembled: Option<Assembled>,
 }
@@ -240,7 +242,7 @@ impl Builder<'_> {
         let (rates, past) = histories(&laws, &renewed);
         let states = self.state_updates(renewed, rules);
         let mut numbering = self.numbering(&used);
-        let prescribed = self.constraints(&mut numbering, &laws, &used);
+        let (prescribed, shared) = self.constraints(&mut numbering, &laws, &used);
         let broken = !self.script.lost.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error);
         if !broken {
             self.check_whole(|scene| {
@@ -249,7 +251,7 @@ impl Builder<'_> {
             });
         }
         let assembled = if broken { None } else { self.assemble_terms(laws, rules, &numbering) };
-        Numbered { numbering, prescribed, states, used, rates, past, assembled }
+        Numbered { numbering, prescribed, states, used, rates, past, shared, assembled }
     }
 
     fn values(&mut self, numbered: &Numbered, rules: &terms::Rules) -> Values {
@@ -329,7 +331,8 @@ impl Builder<'_> {
 
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
-        let Numbered { numbering, mut prescribed, states, used, rates, past: fields_in_past, assembled } = numbered;
+        let Numbered { numbering, mut prescribed, states, used, rates, past: fields_in_past, shared, assembled } =
+            numbered;
         let reads_past = !fields_in_past.is_empty() || values.read_past();
         let Values { steps, newton, accuracy, starts, start_rates, integration, data, past, measures, .. } = values;
         let (watched, computed, tables) = (values.watched, values.computed, values.tables);
@@ -346,7 +349,7 @@ impl Builder<'_> {
         let env = self.owned_env();
         let made = System::new(self.mesh, self.fields, numbering, terms, known)
             .and_then(|system| with_contact(system, contact, self.keep, within(&steps)));
-        let sides = idle::Sides { topology: &self.topology, mappings: self.mappings };
+        let sides = idle::Sides { topology: &self.topology, mappings: self.mappings, shared: &shared };
         let (mut system, contact, idle) = without_idle(made, self.script, sides, self.diagnostics)?;
         system.plan_past(past);
         Some(Scene {
@@ -481,12 +484,13 @@ impl Builder<'_> {
         Outputs { vtk, csv, series, law_seconds: maker.law_seconds.get() }
     }
 
+    /// What is prescribed, and the multipliers that may follow from others.
     fn constraints(
         &mut self,
         numbering: &mut Numbering,
         laws: &[terms::PlacedLaw],
         used: &BTreeSet<usize>,
-    ) -> Prescribed {
+    ) -> (Prescribed, BTreeSet<usize>) {
         let backend = self.batch;
         let (parts, diagnostics) = self.parts();
         let prescribed = constraints::ConstraintMaker { parts, numbering: &*numbering, backend, diagnostics }.make();
@@ -495,7 +499,7 @@ impl Builder<'_> {
             numbering.fix(told.fixed());
             numbering.tie(told.ties);
             numbering.free_of_whole = Some(told.free);
-            return prescribed;
+            return (prescribed, BTreeSet::new());
         }
         let (fixed, components) = (prescribed.dofs(), prescribed.components());
         numbering.set_frames(prescribed.frames());
@@ -511,8 +515,8 @@ impl Builder<'_> {
         };
         let shared = meeting::shared_multipliers(&multipliers, self.diagnostics);
         let undetermined = self.undetermined(used, numbering, &fixed);
-        numbering.fix(fixed.into_iter().chain(shared).chain(undetermined));
-        prescribed
+        numbering.fix(fixed.into_iter().chain(shared.dropped).chain(undetermined));
+        (prescribed, shared.in_question)
     }
 }
 

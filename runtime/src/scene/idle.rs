@@ -30,6 +30,7 @@ use wfl_compiler::types::{FieldKind, Side};
 use super::{
     constraints::{SAME_PLACE, Spot, at_place, extent},
     mappings::Mappings,
+    meeting::redundant,
 };
 use crate::{
     contact::{Contact, Friction, couplings, has_multiplier},
@@ -56,15 +57,19 @@ struct Candidate {
     place: Vec<usize>,
     /// A field there is one on both sides.
     joined: bool,
+    /// The components whose jump another multiplier holds, too, so that it may follow from that one.
+    shared: Vec<usize>,
 }
 
-/// What lies across the faces of a multiplier.
+/// What lies across the faces of a multiplier, and what meets it.
 #[derive(Clone, Copy)]
 pub(super) struct Sides<'a> {
     /// Neighbours.
     pub(super) topology: &'a Topology,
     /// Images.
     pub(super) mappings: &'a Mappings,
+    /// Multipliers of lower degree that may follow from others at their node.
+    pub(super) shared: &'a BTreeSet<usize>,
 }
 
 /// Takes the idle directions of all multipliers out of a system, with a message for each multiplier that loses some.
@@ -120,8 +125,10 @@ fn candidates(script: &ResolvedScript, sides: Sides<'_>, system: &System) -> Vec
             let (mut place, joined) = partners.at(sides.topology, system, &facets, Spot { x, extent: scale });
             place.extend(partners.images(system, first, x));
             let is_bound = |d: &usize| system.numbering.free[*d] == FIXED || system.numbering.frames.of(*d).is_some();
-            if place.iter().any(is_bound) || (joined && place.is_empty()) {
-                found.push(Candidate { field, node, first, place, joined });
+            let own = 0..system.fields[field].n_components;
+            let shared: Vec<usize> = own.filter(|c| sides.shared.contains(&(first + c))).collect();
+            if place.iter().any(is_bound) || (joined && place.is_empty()) || !shared.is_empty() {
+                found.push(Candidate { field, node, first, place, joined, shared });
             }
         }
     }
@@ -307,6 +314,10 @@ impl Plan {
         for (field, declared) in script.fields.iter().enumerate() {
             let own = candidates.iter().zip(&self.counts).filter(|(candidate, _)| candidate.field == field);
             let (tips, others): (Vec<_>, Vec<_>) = own.partition(|(candidate, _)| candidate.joined);
+            let (meeting, others): (Vec<_>, Vec<_>) =
+                others.into_iter().partition(|(candidate, _)| !candidate.shared.is_empty());
+            let lost = meeting.iter().filter(|(_, (dropped, _))| *dropped > 0).count();
+            diagnostics.extend((lost > 0).then(|| redundant(&system.fields[field].name, declared.name.span, lost)));
             let counts =
                 |list: Vec<(&Candidate, &(usize, usize))>| list.into_iter().map(|(_, counts)| *counts).collect();
             let of = Of { name: &system.fields[field].name, components: system.fields[field].n_components };

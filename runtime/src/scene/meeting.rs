@@ -12,7 +12,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript};
+use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript, Span};
 use wfl_compiler::{ProjectionKind, types::FieldKind};
 
 use super::{
@@ -90,17 +90,26 @@ pub(super) struct Multipliers<'a> {
     pub(super) laws: &'a [PlacedLaw],
 }
 
-/// The multiplier dofs to leave out, and a note for each multiplier that loses some. A component that is prescribed on all
-/// sides has no ends here.
-pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Diagnostic>) -> Vec<usize> {
+/// Multiplier dofs whose jumps follow from those of other multipliers.
+#[derive(Default)]
+pub(super) struct Shared {
+    /// To leave out.
+    pub(super) dropped: Vec<usize>,
+    /// Of multipliers of lower degree than what they act on: jumps between their nodes may determine them (`idle.rs`).
+    pub(super) in_question: BTreeSet<usize>,
+}
+
+/// The multiplier dofs that follow from others, and a note for each multiplier that loses some. A component that is
+/// prescribed on all sides has no ends here.
+pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Diagnostic>) -> Shared {
     let Multipliers { script, topology, fields, numbering, laws, .. } = *on;
     let holding: Vec<usize> = (0..fields.len()).filter(|k| holds_a_jump(*k, fields, laws)).collect();
     let may_branch = |k: &usize| matches!(&fields[*k].space, FieldSpace::Nodal(space) if branches(on.mesh, space));
     if holding.len() < 2 && !holding.iter().any(may_branch) {
-        return Vec::new();
+        return Shared::default();
     }
     let extent = extent(on.mesh);
-    let (mut rows, mut seen, mut shared) = (Rows::default(), BTreeSet::<FacetId>::new(), Vec::new());
+    let (mut rows, mut seen, mut shared) = (Rows::default(), BTreeSet::<FacetId>::new(), Shared::default());
     let mut several = Vec::new();
     for k in holding {
         let (Some(start), FieldSpace::Nodal(space)) = (numbering.starts[k], &fields[k].space) else { continue };
@@ -109,6 +118,7 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
         let mut jump = Jump { on, extent, acts_on: partners(k, fields, laws), mapping: None, images: Vec::new() };
         jump.look_through(laws.iter().filter(|l| tests(k, l)).find_map(|l| l.law.listing.graph.mapping));
         let n = fields[k].n_components;
+        let is_coarse = jump.is_finer_than(space.degree());
         let mut nodes = 0;
         for (node, facets) in &around {
             let apart = facets.iter().all(|f| !seen.contains(&topology.facet_id(*f)));
@@ -120,7 +130,11 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
                     continue;
                 }
                 if !keeps && apart && rows.beyond(Rows::row(&ends)).is_empty() {
-                    shared.push(dof);
+                    if is_coarse {
+                        shared.in_question.insert(dof);
+                        continue;
+                    }
+                    shared.dropped.push(dof);
                     loses = true;
                 } else {
                     rows.keep(&ends);
@@ -131,21 +145,22 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
         }
         seen.extend(around.values().flatten().map(|f| topology.facet_id(*f)));
         if nodes > 0 {
-            let (words, is) = if nodes == 1 { ("1 node".to_owned(), "is") } else { (format!("{nodes} nodes"), "are") };
-            let text = format!(
-                "{words} of `{}` {is} constrained by another multiplier already and {is} dropped",
-                fields[k].name
-            );
-            let note = "only the sum of both forces is determined in stick, and the system would be singular; an \
-                        augmented Lagrangian acts as a penalty of stiffness gamma there; `with crosspoints=keep` keeps \
-                        them";
-            let d = Diagnostic::new(Code::W404, text).note(note);
-            diagnostics.push(d.at(script.fields[k].name.span, "its surface meets that of the other multiplier"));
+            diagnostics.push(redundant(&fields[k].name, script.fields[k].name.span, nodes));
         }
     }
     diagnostics.extend(crossings(on, &rows, &several));
-    shared.sort_unstable();
+    shared.dropped.sort_unstable();
     shared
+}
+
+/// W404 for nodes of a multiplier that are dropped beside another one.
+pub(super) fn redundant(name: &str, span: Span, nodes: usize) -> Diagnostic {
+    let (words, is) = if nodes == 1 { ("1 node".to_owned(), "is") } else { (format!("{nodes} nodes"), "are") };
+    let text = format!("{words} of `{name}` {is} constrained by another multiplier already and {is} dropped");
+    let note = "only the sum of both forces is determined in stick, and the system would be singular; an \
+                augmented Lagrangian acts as a penalty of stiffness gamma there; `with crosspoints=keep` keeps \
+                them";
+    Diagnostic::new(Code::W404, text).note(note).at(span, "its surface meets that of the other multiplier")
 }
 
 /// A node of a multiplier with several jumps.
@@ -227,6 +242,11 @@ struct Jump<'a> {
 }
 
 impl Jump<'_> {
+    /// Whether what jumps is of higher degree than this.
+    fn is_finer_than(&self, degree: usize) -> bool {
+        self.acts_on.iter().any(|k| matches!(&self.on.fields[*k].space, FieldSpace::Nodal(s) if s.degree() > degree))
+    }
+
     /// Takes the other side from a mapping.
     fn look_through(&mut self, mapping: Option<usize>) {
         self.mapping = mapping;

@@ -28,6 +28,8 @@ pub(super) struct Node {
     position: [f64; 3],
     /// Both sides are one: whatever the laws read, the traction goes on there.
     joined: bool,
+    /// Another multiplier holds a jump of it.
+    shared: bool,
     /// Orthonormal directions that act on nothing.
     idle: Vec<Vec<f64>>,
 }
@@ -59,10 +61,22 @@ impl Node {
         }
         // a multiplier that no term couples with displacements is another matter
         let mut idle = if acts { null_space(n, &columns) } else { Vec::new() };
+        let axis = |k: usize| -> Vec<f64> { (0..n).map(|i| f64::from(u8::from(i == k))).collect() };
+        let beside: Vec<Vec<f64>> = candidate.shared.iter().map(|k| axis(*k)).collect();
+        idle.retain(|direction| beside.iter().all(|v| dot(v, direction).abs() <= 0.0));
+        idle.extend(beside);
         idle.retain(|direction| !patches.iter().any(|patch| patch.determines(on, first, direction)));
         on.idle.extend(idle.iter().filter_map(|v| (0..n).find(|k| v[*k].abs() >= 1.0)).map(|k| first + k));
         let position = field.node_position(candidate.node as usize);
-        Self { first, n, place: candidate.place.clone(), position, joined: candidate.joined, idle }
+        Self {
+            first,
+            n,
+            place: candidate.place.clone(),
+            position,
+            joined: candidate.joined,
+            shared: !candidate.shared.is_empty(),
+            idle,
+        }
     }
 }
 
@@ -125,7 +139,11 @@ impl Split {
         let (mut dropped, mut tied) = (Vec::new(), Vec::new());
         for direction in &node.idle {
             let read = || slip.iter().any(|matrix| is_read(system, numbers, matrix, node, &beside, direction));
-            if node.joined || read() { tied.push(direction.clone()) } else { dropped.push(direction.clone()) }
+            if node.joined || (!node.shared && read()) {
+                tied.push(direction.clone())
+            } else {
+                dropped.push(direction.clone())
+            }
         }
         Self { n: node.n, dropped, tied }
     }
