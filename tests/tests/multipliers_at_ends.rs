@@ -340,6 +340,42 @@ fn branching(mesh: &str, pull: &str, nodes: &str) {
     assert!(tried.solved.expect("a solution").measure(0, "off") < 1e-12);
 }
 
+/// A body in a corner, held along the normals of both walls: one multiplier has one value there for two directions, and is
+/// told; one for each wall is exact, as is one value a face. Nothing is told of a wall that bends a little, and of one where
+/// the corner is prescribed.
+#[test]
+fn one_multiplier_on_the_walls_of_a_corner_is_told() {
+    let scene = |element: &str, multipliers: &str, more: &str| {
+        format!(
+            "use \"elasticity\"\nmesh box [0,0] to [1,1] cells [4,4] quad\nregion west = faces where x == 0\n\
+             region south = faces where y == 0\nregion walls = west + south\nregion right = faces where x == 1\n\
+             region top = faces where y == 1\nregion tip = nodes where x == 0 and y == 0\nunknown u : vector {element}\n\
+             {multipliers}def exact = [-x, -4*y]\nterm elastic on all : work(u, Test_u, 1000, 0)\n\
+             load u = [-1000,0] on right\nload u = [0,-4000] on top\n{more}\
+             measure off = max(Norm(u - exact)) on all\n"
+        )
+    };
+    let one = "multiplier p : scalar on walls\nterm hold on walls : p*(Test_u.Normal) + Test_p*(u.Normal)\n";
+    let tried = attempt(&examples(), scene("Q1", one, ""), &[], &[]);
+    assert!(tried.messages.contains("W424") && tried.messages.contains("at 1 node"), "{}", tried.messages);
+    assert!(tried.solved.expect("a solution").measure(0, "off") > 0.05);
+    let each = "multiplier p : scalar on west\nmultiplier q : scalar on south\n\
+                term hold on west : p*(Test_u.Normal) + Test_p*(u.Normal)\n\
+                term keep on south : q*(Test_u.Normal) + Test_q*(u.Normal)\n";
+    let faces = one.replace("scalar", "scalar DP0");
+    for (element, multipliers, more) in [("Q1", each, ""), ("Q2", &faces, ""), ("Q1", one, "fix u = [0,0] on tip\n")] {
+        let tried = attempt(&examples(), scene(element, multipliers, more), &[], &[]);
+        assert!(!tried.messages.contains("W424"), "{}", tried.messages);
+        let off = tried.solved.expect("a solution").measure(0, "off");
+        assert!(off < 1e-12, "{element}: {off:e}");
+    }
+    let cube = "mesh box [0,0,0] to [1,1,1] cells [2,2,2] hex\nregion walls = faces where x == 0 or y == 0 or z == 0\n\
+                unknown u : vector\nmultiplier p : scalar on walls\nterm body on all : Sym(Grad_u):Grad_Test_u\n\
+                term hold on walls : p*(Test_u.Normal) + Test_p*(u.Normal)\nload u = [1,2,3] on all\n";
+    let tried = attempt(&examples(), cube.to_owned(), &[], &[]);
+    assert!(tried.messages.contains("W424") && tried.messages.contains("at 7 nodes"), "{}", tried.messages);
+}
+
 /// A value of zero that a multiplier prescribes: its equation is rounding of unknowns that are large elsewhere.
 #[test]
 fn a_value_of_zero_is_held_by_a_multiplier() {

@@ -33,7 +33,7 @@ pub struct Outcome {
     pub kept: Vec<KeptStep>,
     /// Expectations of the scene: place and whether they hold.
     pub expectations: Vec<(wfl::Expect, Option<bool>)>,
-    /// What expectations know beside params: the measures at the last step, and the numbers of the events.
+    /// What expectations know beside params: the measures and the step variable at the last step, and the numbers of the events.
     pub known: Vec<(String, f64)>,
     /// Derivatives that expectations know, once they are found ([`crate::gradient::settle`]).
     pub derivatives: Vec<(String, Constant)>,
@@ -115,9 +115,11 @@ impl Run {
     /// Ends the run; `error` is what it ended with, if that was no solution.
     pub(super) fn outcome(self, scene: &Solving<'_>, options: &RunOptions, error: Option<&RunError>) -> Outcome {
         let last: Vec<(String, f64)> = self.steps.last().map(|s| s.measures.clone()).unwrap_or_default();
+        let end = scene.steps.variable.clone().zip(self.steps.last().map(|s| s.window.end));
         let done = self.is_done(scene) && error.is_none();
         let events = self.episodes(scene);
         let mut known = last;
+        known.extend(end);
         events.iter().for_each(|(name, episodes)| known.extend(numbers_of(name, episodes)));
         let (expectations, diagnostics) = if done { scene.expectations(&known, &[]) } else { (Vec::new(), Vec::new()) };
         let warnings = findings::of_run(&Ended { scene, run: &self, is_done: done });

@@ -20,7 +20,7 @@ use super::{
     Scene, StateUpdate, Steps, TablesOf, VtkOutput, With,
     assemble::Assembled,
     batch::Batch,
-    constants, constraints, coverage,
+    constants, constraints, corners, coverage,
     effects::Reads,
     explicit, fields, idle, mappings, massless, measures, meeting, mesh, options, outputs,
     place::{Findings, OnTeam, Place, part_of_mesh, whole},
@@ -514,6 +514,7 @@ impl Builder<'_> {
             laws,
         };
         let shared = meeting::shared_multipliers(&multipliers, self.diagnostics);
+        self.diagnostics.extend(corners::several_normals(&multipliers));
         let undetermined = self.undetermined(used, numbering, &fixed);
         numbering.fix(fixed.into_iter().chain(shared.dropped).chain(undetermined));
         (prescribed, shared.in_question)

@@ -15,6 +15,7 @@ mod conditions;
 mod constants;
 mod constraints;
 mod context;
+mod corners;
 mod coverage;
 mod covered;
 mod cut;

@@ -192,6 +192,7 @@ pub(super) fn expects(
         known.extend(wfl::Event::NUMBERS.map(|end| (format!("{}{end}", event.name.name), number())));
     }
     known.extend(derivatives(script, params));
+    known.extend(script.steps.iter().map(|s| (s.variable.name.clone(), number())));
     let values = script.gradients.iter().flat_map(|g| &g.results).filter_map(|r| r.at.value());
     let of_values = |e| constant(&bare_env(script, dim, params), "a value of the step variable", e).diagnostics;
     diagnostics.extend(values.flat_map(of_values).collect::<Vec<_>>());

@@ -169,10 +169,10 @@ pages! {
     page(
         W424,
         "one multiplier for several jumps",
-        "Where a surface branches, or other surfaces cut the bodies on it, a node of a multiplier lies between more than two \
-         bodies. It has one value there and holds one combination of their jumps, so that the bodies come apart at that \
-         node. Multipliers for each surface between two bodies hold all jumps; where one follows from others it is dropped \
-         (W404).",
+        "One value holds one combination of what it stands for. Where a surface branches, or other surfaces cut the bodies on it, a node of a multiplier lies between more than two \
+         bodies, which come apart there. Multipliers for each surface between two bodies hold all jumps; where one follows \
+         from others it is dropped (W404). At a corner of its surface a multiplier along the normal has one value for \
+         several normals: a body in a corner moves there. A multiplier for each smooth part holds all.",
         "region s = interface along tee\nmultiplier m : scalar on s",
         "region s = interface from a to b\nmultiplier m : scalar on s",
     ),
