@@ -31,7 +31,9 @@ fn close(found: f64, expected: f64) {
 
 #[test]
 fn a_number_of_measures_is_that_of_the_closed_form_at_each_step() {
-    let solved = run("measure k = F/d\nmeasure twice = 2*k + t\nexpect abs(k - 50) < 1e-9\nexpect abs(twice - 2*k - t) < 1e-9 and t > 0.4\n");
+    let solved = run(
+        "measure k = F/d\nmeasure twice = 2*k + t\nexpect abs(k - 50) < 1e-9\nexpect abs(twice - 2*k - t) < 1e-9 and t > 0.4\n",
+    );
     for step in 0..2 {
         close(solved.measure(step, "k").abs(), 50.0);
         let twice = 2.0 * solved.measure(step, "k") + 0.5 * (step + 1) as f64;

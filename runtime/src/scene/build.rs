@@ -331,9 +331,8 @@ impl Builder<'_> {
 
     /// The problem, of parts without errors.
     fn scene(mut self, numbered: Numbered, values: Values, outputs: Outputs, times: PrepareTimes) -> Option<Scene> {
-        let Numbered { numbering, mut prescribed, states, used, rates, past: fields_in_past, shared, assembled } =
-            numbered;
-        let reads_past = !fields_in_past.is_empty() || values.read_past();
+        let Numbered { numbering, mut prescribed, states, used, rates, past: in_past, shared, assembled } = numbered;
+        let reads_past = !in_past.is_empty() || values.read_past();
         let Values { steps, newton, accuracy, starts, start_rates, integration, data, past, measures, .. } = values;
         let (watched, computed, tables) = (values.watched, values.computed, values.tables);
         let Outputs { vtk, csv, series, .. } = outputs;
@@ -349,8 +348,8 @@ impl Builder<'_> {
         let env = self.owned_env();
         let made = System::new(self.mesh, self.fields, numbering, terms, known)
             .and_then(|system| with_contact(system, contact, self.keep, within(&steps)));
-        let sides = idle::Sides { topology: &self.topology, mappings: self.mappings, shared: &shared };
-        let (mut system, contact, idle) = without_idle(made, self.script, sides, self.diagnostics)?;
+        let at = idle::Sides { topology: &self.topology, mappings: self.mappings, shared: &shared };
+        let (mut system, contact, idle) = without_idle(made, self.script, at, self.diagnostics)?;
         system.plan_past(past);
         Some(Scene {
             explicit: None,

@@ -559,3 +559,14 @@ pub(super) fn at_place(mesh: &Mesh, topology: &Topology, space: &Space, facets: 
     };
     space.nodes_on_facets(mesh, topology, facets).into_iter().filter(at_x).collect()
 }
+
+/// The facets around each node.
+pub(super) fn facets_of_nodes(space: &Space) -> BTreeMap<u32, Vec<FacetRef>> {
+    let mut around: BTreeMap<u32, Vec<FacetRef>> = BTreeMap::new();
+    if let Support::Facets(facets) = space.support() {
+        for (position, facet) in facets.iter().enumerate() {
+            space.entity_nodes(position).iter().for_each(|n| around.entry(*n).or_default().push(*facet));
+        }
+    }
+    around
+}

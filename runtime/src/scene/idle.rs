@@ -18,6 +18,7 @@
 
 mod coarse;
 mod directions;
+mod vectors;
 
 use std::{
     cmp::Ordering,
@@ -28,7 +29,7 @@ use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript, Span};
 use wfl_compiler::types::{FieldKind, Side};
 
 use super::{
-    constraints::{SAME_PLACE, Spot, at_place, extent},
+    constraints::{SAME_PLACE, Spot, at_place, extent, facets_of_nodes},
     mappings::Mappings,
     meeting::redundant,
 };
@@ -38,7 +39,7 @@ use crate::{
     field::FieldSpace,
     frames::Frame,
     mesh::{FacetRef, Topology},
-    space::{Space, Support},
+    space::Space,
     system::{FIXED, System, Tie},
 };
 use coarse::{Patch, Tangents};
@@ -133,17 +134,6 @@ fn candidates(script: &ResolvedScript, sides: Sides<'_>, system: &System) -> Vec
         }
     }
     found
-}
-
-/// The facets around each node.
-pub(super) fn facets_of_nodes(space: &Space) -> BTreeMap<u32, Vec<FacetRef>> {
-    let mut around: BTreeMap<u32, Vec<FacetRef>> = BTreeMap::new();
-    if let Support::Facets(facets) = space.support() {
-        for (position, facet) in facets.iter().enumerate() {
-            space.entity_nodes(position).iter().for_each(|n| around.entry(*n).or_default().push(*facet));
-        }
-    }
-    around
 }
 
 /// The unknowns that a multiplier acts on.
@@ -390,7 +380,7 @@ fn nodes(n: usize) -> String {
 
 /// The dof of a node along a direction: the component, or the axis of its frame.
 fn dof_along(first: usize, direction: &[f64], axes: Option<&Vec<Vec<f64>>>) -> Option<usize> {
-    let along = |axis: &[f64]| directions::dot(axis, direction).abs() > 1.0 - ALIGNED;
+    let along = |axis: &[f64]| vectors::dot(axis, direction).abs() > 1.0 - ALIGNED;
     let place = match axes {
         Some(axes) => axes.iter().position(|a| along(a)),
         None => direction.iter().position(|x| x.abs() > 1.0 - ALIGNED),

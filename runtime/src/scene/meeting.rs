@@ -16,8 +16,7 @@ use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript, Span};
 use wfl_compiler::{ProjectionKind, types::FieldKind};
 
 use super::{
-    constraints::{SAME_PLACE, Spot, at_place, extent},
-    idle::facets_of_nodes,
+    constraints::{SAME_PLACE, Spot, at_place, extent, facets_of_nodes},
     mappings::Mappings,
     terms::PlacedLaw,
 };

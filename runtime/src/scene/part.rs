@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use wfl::{ResolvedScript, ast::ExprKind};
 use wfl_compiler::types::FieldKind;
 
-use super::{InputFile, NamedRegion, Regions, Scene, auto::is_auto, idle::facets_of_nodes};
+use super::{InputFile, NamedRegion, Regions, Scene, auto::is_auto, constraints::facets_of_nodes};
 use crate::{
     assemble::AssembledTerm,
     bytes::{Reader, Unreadable, Writer},

@@ -10,7 +10,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use nalgebra::DMatrix;
 use wfl_compiler::types::FieldKind;
 
-use super::{Candidate, directions, entry};
+use super::{
+    Candidate, entry,
+    vectors::{dot, null_space},
+};
 use crate::{
     contact::has_multiplier,
     csr::Csr,
@@ -135,8 +138,10 @@ impl Patch {
     pub(super) fn determines(&self, on: &Tangents<'_>, first: usize, direction: &[f64]) -> bool {
         let mut found = false;
         for matrix in on.matrices {
-            for reads in [true, false] {
-                match self.is_independent(on, matrix, reads, first, direction) {
+            let equations = |row: usize, column: usize| entry(matrix, on.numbers, row, column);
+            let forces = |row: usize, column: usize| entry(matrix, on.numbers, column, row);
+            for coupling in [&equations as &dyn Fn(usize, usize) -> f64, &forces] {
+                match self.is_independent(coupling, &on.idle, first, direction) {
                     Some(true) => found = true,
                     Some(false) => return false,
                     None => {}
@@ -149,27 +154,22 @@ impl Patch {
     /// The same of one matrix; `None` if nothing couples the candidate there.
     fn is_independent(
         &self,
-        on: &Tangents<'_>,
-        matrix: &Csr,
-        reads: bool,
+        coupling: &dyn Fn(usize, usize) -> f64,
+        idle: &BTreeSet<usize>,
         first: usize,
         direction: &[f64],
     ) -> Option<bool> {
         let n = direction.len();
         let own = first..first + n;
-        let coupling = |row: usize, column: usize| match reads {
-            true => entry(matrix, on.numbers, row, column),
-            false => entry(matrix, on.numbers, column, row),
-        };
         // the other rows, the other directions of the node, and last the direction itself
-        let others = self.rows.iter().filter(|row| !own.contains(*row) && !on.idle.contains(*row));
+        let others = self.rows.iter().filter(|row| !own.contains(*row) && !idle.contains(*row));
         let mut rows: Vec<Vec<f64>> =
             others.map(|row| self.columns.iter().map(|c| coupling(*row, *c)).collect()).collect();
         let along = |v: &[f64]| -> Vec<f64> {
             let at = |c: &usize| (0..n).map(|k| v[k] * coupling(first + k, *c)).sum();
             self.columns.iter().map(at).collect()
         };
-        rows.extend(directions::null_space(n, &[direction.to_vec()]).iter().map(|v| along(v)));
+        rows.extend(null_space(n, &[direction.to_vec()]).iter().map(|v| along(v)));
         rows.push(along(direction));
         // units of the columns differ
         for c in 0..self.columns.len() {
@@ -186,7 +186,7 @@ impl Patch {
 /// products of the rows, past those that depend on earlier ones.
 fn has_part_of_its_own(rows: &[Vec<f64>]) -> Option<bool> {
     let n = rows.len();
-    let mut products = DMatrix::from_fn(n, n, |i, j| directions::dot(&rows[i], &rows[j]));
+    let mut products = DMatrix::from_fn(n, n, |i, j| dot(&rows[i], &rows[j]));
     let sizes: Vec<f64> = products.diagonal().iter().copied().collect();
     if sizes[n - 1] <= 0.0 {
         return None;

@@ -4,21 +4,17 @@
 //! Promises: directions are orthonormal; they are axes of the multiplier where possible, so that no node is rotated
 //! needlessly.
 
-use nalgebra::DMatrix;
-
 use super::{
     super::constraints::{SAME_PLACE, extent},
     Candidate,
     coarse::{Patch, Tangents},
     entry,
+    vectors::{NONE, dot, null_space},
 };
 use crate::{
     csr::Csr,
     system::{FIXED, System},
 };
-
-/// A coupling is none if it is below this part of the largest of the node.
-const NONE: f64 = 1e-6;
 
 /// One node with what its multiplier acts on.
 pub(super) struct Node {
@@ -97,29 +93,6 @@ fn free_columns(system: &System, place: &[usize], own: Vec<Vec<f64>>) -> Vec<Vec
     place.iter().filter(|d| is_free(**d)).map(|d| turned(*d)).collect()
 }
 
-/// Orthonormal directions of `n` components to which all columns are orthogonal: axes first.
-pub(super) fn null_space(n: usize, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let meets = |v: &[f64]| columns.iter().fold(0.0f64, |m, c| m.max(dot(c, v).abs()));
-    let axis = |k: usize| -> Vec<f64> { (0..n).map(|i| f64::from(u8::from(i == k))).collect() };
-    let mut found: Vec<Vec<f64>> = (0..n).map(axis).filter(|v| meets(v) <= NONE).collect();
-    let mut products = DMatrix::<f64>::zeros(n, n);
-    for c in columns.iter().chain(&found) {
-        for i in 0..n {
-            for j in 0..n {
-                products[(i, j)] += c[i] * c[j];
-            }
-        }
-    }
-    let eigen = products.symmetric_eigen();
-    let largest = eigen.eigenvalues.iter().fold(0.0f64, |m, x| m.max(*x));
-    for (k, value) in eigen.eigenvalues.iter().enumerate() {
-        if *value <= NONE * NONE * largest {
-            found.push(eigen.eigenvectors.column(k).iter().copied().collect());
-        }
-    }
-    found
-}
-
 /// The idle directions of a node by what becomes of them.
 pub(super) struct Split {
     n: usize,
@@ -191,8 +164,4 @@ fn is_read(system: &System, numbers: &[u32], matrix: &Csr, node: &Node, beside: 
         let acting = null_space(other.n, &other.idle);
         scale > 0.0 && acting.iter().any(|v| dot(v, &law).abs() > NONE * scale)
     })
-}
-
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
