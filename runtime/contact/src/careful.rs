@@ -83,16 +83,29 @@ impl ContactTerm {
         let without = |inputs: &[f64], left_out: &[bool]| -> Vec<f64> {
             inputs.iter().zip(left_out).map(|(x, out)| if *out { 0.0 } else { *x }).collect()
         };
+        // slip that a state keeps is none at rest
+        let is_kept = |slot: &InputSlot| match slot {
+            InputSlot::Field(b) | InputSlot::Previous(b) => {
+                system.fields.get(b.field.index()).is_some_and(|f| f.kind == FieldKind::State)
+            }
+            _ => false,
+        };
+        let kept: Vec<bool> = law.inputs.iter().map(is_kept).collect();
         let normals = self.normals(system);
         let n_out = law.kernel.kernel().outputs.len();
         let mut scratch = Vec::new();
+        let mut outputs = |inputs: &[f64]| -> Vec<f64> {
+            let mut out = vec![[0.0; 1]; n_out];
+            interpret_lanes(&law.kernel, self.law.uniforms(), inputs.as_chunks::<1>().0, &mut scratch, &mut out);
+            out.iter().map(|x| x[0]).collect()
+        };
         let mut along = vec![0.0f64; self.projections.len()];
         let (mut at_rest, mut turns) = (Vec::new(), Vec::new());
         for (point, normal) in self.points_at(system, values).iter().zip(&normals) {
             let still = without(&point.inputs, &moved);
-            let mut out = vec![[0.0; 1]; n_out];
-            interpret_lanes(&law.kernel, self.law.uniforms(), still.as_chunks::<1>().0, &mut scratch, &mut out);
-            at_rest.push(out.iter().map(|x| x[0]).collect());
+            let unslipped = outputs(&without(&still, &kept));
+            // a law may be none where its state is zero
+            at_rest.push(if unslipped.iter().all(|x| x.is_finite()) { unslipped } else { outputs(&still) });
             let slopes = self.slopes.at_point(&without(&point.inputs, &tractions));
             let now = self.slopes.at_point(&point.inputs);
             let largest = |numbers: &mut dyn Iterator<Item = f64>| numbers.fold(0.0f64, |m, x| m.max(x.abs()));

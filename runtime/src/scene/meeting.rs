@@ -307,6 +307,10 @@ impl Jump<'_> {
         let spot = Spot { x, extent: self.extent };
         for k in &self.acts_on {
             let FieldSpace::Nodal(space) = &self.on.fields[*k].space else { continue };
+            // fields of the other side have nodes at the place, too
+            if space.position_of_cell(facet.cell).is_none() {
+                continue;
+            }
             let nodes = at_place(self.on.mesh, self.on.topology, space, &[facet], spot);
             ends.extend(nodes.into_iter().filter_map(|node| self.end(*k, node, c)));
         }

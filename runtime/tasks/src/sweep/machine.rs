@@ -7,7 +7,7 @@ use crate::VERSION;
 /// Program and machine in words.
 pub(super) struct Machine {
     pub(super) version: String,
-    /// The commit the program was built from, if it still lies in its repository.
+    /// The commit the program was built from, if it still lies in its repository and that has not moved on since.
     pub(super) commit: String,
     pub(super) name: String,
 }
@@ -28,15 +28,18 @@ pub(super) fn describe() -> Machine {
     }
 }
 
-/// The commit at the head of the repository the program was built in.
+/// The commit at the head of the repository the program was built in; `None` if that was written behind the program.
 fn commit() -> Option<String> {
     let git = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../.git");
-    let head = std::fs::read_to_string(git.join("HEAD")).ok()?;
-    let hash = match head.trim().strip_prefix("ref: ") {
-        Some(reference) => std::fs::read_to_string(git.join(reference)).ok()?,
-        None => head,
+    let head = git.join("HEAD");
+    let text = std::fs::read_to_string(&head).ok()?;
+    let (hash, place) = match text.trim().strip_prefix("ref: ") {
+        Some(reference) => (std::fs::read_to_string(git.join(reference)).ok()?, git.join(reference)),
+        None => (text, head),
     };
-    hash.get(..12).map(str::to_owned)
+    let written = |path: &Path| std::fs::metadata(path).and_then(|m| m.modified()).ok();
+    let built = written(&std::env::current_exe().ok()?)?;
+    if written(&place)? > built { None } else { hash.get(..12).map(str::to_owned) }
 }
 
 /// Starts the largest memory of this process anew, where the system can; elsewhere it only grows from run to run.
