@@ -49,9 +49,13 @@ pub fn couplings(
         .filter(|k| system.terms[*k].law.class > Class::Constant && has_multiplier(system, &system.terms[*k]))
         .collect();
     let any = state_like_no_other(system, size);
-    let closed = closed(system, contact, &any, friction);
     let empty = system.partial_matrix(&chosen, numbers)?;
     let others: Vec<f64> = any.iter().map(|x| -x).collect();
+    // in one direction of sliding what friction adds to a force may cancel what the pressure adds
+    let mut closed_sets = vec![closed(system, contact, &any, friction)];
+    if friction == Friction::Slips {
+        closed_sets.push(closed(system, contact, &others, friction));
+    }
     let is_frozen = |k: usize| system.frozen().iter().any(|f| f.term == k);
     let states = if chosen.iter().any(|k| system.terms[*k].law.class > Class::Linear && !is_frozen(*k)) {
         vec![vec![0.0; any.len()], any, others]
@@ -59,10 +63,10 @@ pub fn couplings(
         vec![vec![0.0; any.len()]]
     };
     let mut found = Vec::new();
-    for state in &states {
+    for (state, closed) in states.iter().flat_map(|state| closed_sets.iter().map(move |closed| (state, closed))) {
         let mut matrix = empty.clone();
         // a state may lie outside the domain of a function: the others tell then
-        if system.add_partial_tangent(&chosen, state, &closed, numbers, &mut matrix).is_ok() {
+        if system.add_partial_tangent(&chosen, state, closed, numbers, &mut matrix).is_ok() {
             found.push(matrix);
         }
     }

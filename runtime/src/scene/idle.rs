@@ -31,7 +31,6 @@ use wfl_compiler::types::{FieldKind, Side};
 use super::{
     constraints::{SAME_PLACE, Spot, at_place, extent, facets_of_nodes},
     mappings::Mappings,
-    meeting::redundant,
 };
 use crate::{
     contact::{Contact, Friction, couplings, has_multiplier},
@@ -42,7 +41,7 @@ use crate::{
     space::Space,
     system::{FIXED, System, Tie},
 };
-use coarse::{Patch, Tangents};
+use coarse::{Entities, Tangents, is_coarse};
 use directions::{Node, Split};
 
 /// What `wfl check` says of nodes whose sides are one: the multiplier and the reason.
@@ -60,6 +59,8 @@ struct Candidate {
     joined: bool,
     /// The components whose jump another multiplier holds, too, so that it may follow from that one.
     shared: Vec<usize>,
+    /// The multiplier is of lower degree than what it acts on.
+    coarse: bool,
 }
 
 /// What lies across the faces of a multiplier, and what meets it.
@@ -88,14 +89,13 @@ pub(super) fn leave_out(
     if candidates.is_empty() {
         return Ok(Notes::new());
     }
-    let patches = coarse::patches(system, &candidates);
-    let numbers = numbers(system, &candidates, &patches);
+    let entities = candidates.iter().any(|c| c.coarse).then(|| Entities::new(system));
+    let numbers = numbers(system, &candidates, entities.as_ref());
     let size = 1e-3 * extent(&system.mesh);
     let stick = couplings(system, contact, &numbers, Friction::Sticks, size)?;
     let slip = couplings(system, contact, &numbers, Friction::Slips, size)?;
-    let mut on = Tangents { matrices: &stick, numbers: &numbers, idle: BTreeSet::new() };
-    let around = candidates.iter().zip(&patches);
-    let nodes: Vec<Node> = around.map(|(candidate, patches)| Node::new(system, &mut on, candidate, patches)).collect();
+    let mut on = Tangents { matrices: &stick, numbers: &numbers, entities: entities.as_ref(), idle: BTreeSet::new() };
+    let nodes: Vec<Node> = candidates.iter().map(|candidate| Node::new(system, &mut on, candidate)).collect();
     let splits: Vec<Split> = (0..nodes.len()).map(|k| Split::new(system, &numbers, &slip, &nodes, k)).collect();
     let plan = Plan::new(system, &candidates, splits);
     let notes = plan.tell(script, system, &candidates, diagnostics);
@@ -129,7 +129,8 @@ fn candidates(script: &ResolvedScript, sides: Sides<'_>, system: &System) -> Vec
             let own = 0..system.fields[field].n_components;
             let shared: Vec<usize> = own.filter(|c| sides.shared.contains(&(first + c))).collect();
             if place.iter().any(is_bound) || (joined && place.is_empty()) || !shared.is_empty() {
-                found.push(Candidate { field, node, first, place, joined, shared });
+                let candidate = Candidate { field, node, first, place, joined, shared, coarse: false };
+                found.push(Candidate { coarse: is_coarse(system, &candidate), ..candidate });
             }
         }
     }
@@ -224,11 +225,12 @@ fn lives_on_one_side(space: &Space, topology: &Topology, facets: &[FacetRef]) ->
     facets.iter().any(|facet| topology.opposite(*facet).is_some_and(|other| has(*facet) != has(other)))
 }
 
-/// Numbers for the dofs of all entities of terms with multipliers that hold a candidate, or a multiplier of a patch.
-fn numbers(system: &System, candidates: &[Candidate], patches: &[Vec<Patch>]) -> Vec<u32> {
+/// Numbers for the dofs of all entities of terms with multipliers that hold a candidate, or any multiplier beside coarse
+/// ones.
+fn numbers(system: &System, candidates: &[Candidate], entities: Option<&Entities>) -> Vec<u32> {
     let n = |c: &Candidate| system.fields[c.field].n_components;
     let mut wanted: BTreeSet<usize> = candidates.iter().flat_map(|c| c.first..c.first + n(c)).collect();
-    wanted.extend(patches.iter().flatten().flat_map(|patch| patch.rows()));
+    wanted.extend(entities.into_iter().flat_map(Entities::rows));
     let mut numbers = vec![FIXED; system.numbering.n_dofs];
     let mut next = 0;
     for term in system.terms.iter().filter(|t| has_multiplier(system, t)) {
@@ -304,15 +306,13 @@ impl Plan {
         for (field, declared) in script.fields.iter().enumerate() {
             let own = candidates.iter().zip(&self.counts).filter(|(candidate, _)| candidate.field == field);
             let (tips, others): (Vec<_>, Vec<_>) = own.partition(|(candidate, _)| candidate.joined);
-            let (meeting, others): (Vec<_>, Vec<_>) =
-                others.into_iter().partition(|(candidate, _)| !candidate.shared.is_empty());
-            let lost = meeting.iter().filter(|(_, (dropped, _))| *dropped > 0).count();
-            diagnostics.extend((lost > 0).then(|| redundant(&system.fields[field].name, declared.name.span, lost)));
+            let (coarse, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|(candidate, _)| candidate.coarse);
             let counts =
                 |list: Vec<(&Candidate, &(usize, usize))>| list.into_iter().map(|(_, counts)| *counts).collect();
             let of = Of { name: &system.fields[field].name, components: system.fields[field].n_components };
             notes.extend(of.tips(counts(tips), declared.name.span, diagnostics));
             of.prescribed(counts(others), declared.name.span, diagnostics);
+            of.coarse(&counts(coarse), declared.name.span, diagnostics);
         }
         notes
     }
@@ -339,6 +339,24 @@ impl Of<'_> {
         let why = "both sides share one node there, an end of the `split`: without a jump it takes the value of the nearest \
                    node that has one";
         (following > 0).then(|| (format!("`{}` at {}", self.name, nodes(following)), why.to_owned()))
+    }
+
+    /// The same of nodes of a multiplier of lower degree than what it acts on.
+    fn coarse(&self, counts: &[(usize, usize)], span: Span, told: &mut Vec<Diagnostic>) {
+        let name = self.name;
+        let mut warn = |count: usize, what: &str| {
+            if count > 0 {
+                let text = format!("{} of `{name}` {what}", nodes(count));
+                let note =
+                    "what is free around them does not determine so many values; `with crosspoints=keep` keeps them";
+                let label = "its surface has few free nodes there";
+                told.push(Diagnostic::new(Code::W404, text).note(note).at(span, label));
+            }
+        };
+        let dropped = counts.iter().filter(|(dropped, _)| *dropped > 0).count();
+        let following = counts.iter().filter(|(dropped, tied)| *dropped == 0 && *tied > 0).count();
+        warn(dropped, "dropped: no node beside holds a jump");
+        warn(following, "with the value of the nearest node that holds a jump");
     }
 
     /// The same of nodes where displacements of both sides are prescribed.

@@ -153,7 +153,7 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
 }
 
 /// W404 for nodes of a multiplier that are dropped beside another one.
-pub(super) fn redundant(name: &str, span: Span, nodes: usize) -> Diagnostic {
+fn redundant(name: &str, span: Span, nodes: usize) -> Diagnostic {
     let (words, is) = if nodes == 1 { ("1 node".to_owned(), "is") } else { (format!("{nodes} nodes"), "are") };
     let text = format!("{words} of `{name}` {is} constrained by another multiplier already and {is} dropped");
     let note = "only the sum of both forces is determined in stick, and the system would be singular; an \

@@ -25,19 +25,19 @@ use crate::{
 /// rounding of 1e-16, and the root of that is what a row that depends on others has left.
 const DEPENDENT: f64 = 1e-8;
 
-/// Faces around those of a node: with one ring its row is determined on most surfaces, with two also in the corners of
-/// triangles.
-const RINGS: std::ops::RangeInclusive<usize> = 1..=2;
+/// Rows of multipliers beyond which a patch does not grow: some hundred are the whole of a narrow surface, where a row may
+/// be determined from far away, and are compared with each other in milliseconds.
+const MOST_ROWS: usize = 300;
 
 /// The faces around a node and some rings of faces around those: the rows of all multipliers there, and the displacements
 /// that no other row reads.
-pub(super) struct Patch {
+struct Patch {
     rows: Vec<usize>,
     columns: Vec<usize>,
 }
 
 /// What terms with multipliers couple, by entity.
-struct Entities {
+pub(super) struct Entities {
     dofs: Vec<BTreeSet<usize>>,
     /// The entities that have a dof.
     having: BTreeMap<usize, Vec<usize>>,
@@ -46,7 +46,7 @@ struct Entities {
 }
 
 impl Entities {
-    fn new(system: &System) -> Self {
+    pub(super) fn new(system: &System) -> Self {
         let of_kind = |k: &usize| system.fields[*k].kind == FieldKind::Multiplier;
         let multipliers = (0..system.fields.len()).filter(of_kind).filter_map(|k| system.range(k)).collect();
         let mut this = Self { dofs: Vec::new(), having: BTreeMap::new(), multipliers };
@@ -76,15 +76,9 @@ impl Entities {
         self.multipliers.iter().any(|range| range.contains(&dof))
     }
 
-    /// The patches around a candidate, the smallest first.
-    fn patches(&self, system: &System, candidate: &Candidate) -> Vec<Patch> {
-        let own = candidate.first..candidate.first + system.fields[candidate.field].n_components;
-        let mut within = self.dofs_of(&self.around(own));
-        let grown = RINGS.map(|_| {
-            within = self.dofs_of(&self.around(within.iter().copied()));
-            self.patch(system, &within)
-        });
-        grown.collect()
+    /// The rows of all multipliers.
+    pub(super) fn rows(&self) -> impl Iterator<Item = usize> {
+        self.multipliers.iter().flat_map(Clone::clone)
     }
 
     /// The rows among some dofs, and the displacements that they alone read.
@@ -94,28 +88,44 @@ impl Entities {
             let read = self.dofs_of(&self.around(std::iter::once(*d)));
             read.into_iter().all(|r| !self.is_multiplier(r) || rows.contains(&r))
         };
-        let is_free = |d: &usize| system.numbering.free[*d] != FIXED && system.numbering.frames.of(*d).is_none();
+        let is_free = |d: &usize| system.numbering.free[*d] != FIXED;
         let columns = others.into_iter().filter(is_free).filter(is_whole).collect();
         Patch { rows: rows.into_iter().collect(), columns }
     }
+
+    /// Whether displacements determine a direction of the multiplier at a candidate: in the smallest patch around it that
+    /// shows it.
+    pub(super) fn determine(
+        &self,
+        system: &System,
+        on: &Tangents<'_>,
+        candidate: &Candidate,
+        direction: &[f64],
+    ) -> bool {
+        let own = candidate.first..candidate.first + direction.len();
+        let mut within = self.dofs_of(&self.around(own));
+        loop {
+            let grown = self.dofs_of(&self.around(within.iter().copied()));
+            let patch = self.patch(system, &grown);
+            if patch.determines(system, on, candidate.first, direction) {
+                return true;
+            }
+            if grown.len() == within.len() || patch.rows.len() > MOST_ROWS {
+                return false;
+            }
+            within = grown;
+        }
+    }
 }
 
-/// By candidate the patches around it, where a displacement has a higher degree than the multiplier; none elsewhere.
-pub(super) fn patches(system: &System, candidates: &[Candidate]) -> Vec<Vec<Patch>> {
+/// True of a multiplier with a lower degree than a displacement at its node, inside a surface.
+pub(super) fn is_coarse(system: &System, candidate: &Candidate) -> bool {
     let degree = |field: usize| match &system.fields[field].space {
         FieldSpace::Nodal(space) => Some(space.degree()),
         _ => None,
     };
-    let is_coarse = |c: &&Candidate| {
-        let on = c.place.iter().map(|dof| system.numbering.describe(&system.fields, *dof).0);
-        !c.joined && on.filter_map(degree).max() > degree(c.field)
-    };
-    if !candidates.iter().any(|c| is_coarse(&c)) {
-        return candidates.iter().map(|_| Vec::new()).collect();
-    }
-    let entities = Entities::new(system);
-    let around = |c: &Candidate| if is_coarse(&c) { entities.patches(system, c) } else { Vec::new() };
-    candidates.iter().map(around).collect()
+    let on = candidate.place.iter().map(|dof| system.numbering.describe(&system.fields, *dof).0);
+    !candidate.joined && on.filter_map(degree).max() > degree(candidate.field)
 }
 
 /// Tangents of sticking contact.
@@ -123,23 +133,22 @@ pub(super) struct Tangents<'a> {
     pub(super) matrices: &'a [Csr],
     /// Their rows by dof.
     pub(super) numbers: &'a [u32],
+    /// What they couple, where a multiplier is coarse.
+    pub(super) entities: Option<&'a Entities>,
     /// Multipliers that are known to be idle.
     pub(super) idle: BTreeSet<usize>,
 }
 
 impl Patch {
-    /// The rows of its multipliers.
-    pub(super) fn rows(&self) -> &[usize] {
-        &self.rows
-    }
-
     /// Whether the displacements here determine a direction of the multiplier at a candidate of `n` components: its row
     /// does not follow from the others that are not idle, in the equations and in the forces of every tangent that has it.
-    pub(super) fn determines(&self, on: &Tangents<'_>, first: usize, direction: &[f64]) -> bool {
+    fn determines(&self, system: &System, on: &Tangents<'_>, first: usize, direction: &[f64]) -> bool {
         let mut found = false;
         for matrix in on.matrices {
-            let equations = |row: usize, column: usize| entry(matrix, on.numbers, row, column);
-            let forces = |row: usize, column: usize| entry(matrix, on.numbers, column, row);
+            let equations =
+                |row: usize, column: usize| along_axes(system, column, |dof| entry(matrix, on.numbers, row, dof));
+            let forces =
+                |row: usize, column: usize| along_axes(system, column, |dof| entry(matrix, on.numbers, dof, row));
             for coupling in [&equations as &dyn Fn(usize, usize) -> f64, &forces] {
                 match self.is_independent(coupling, &on.idle, first, direction) {
                     Some(true) => found = true,
@@ -179,6 +188,14 @@ impl Patch {
             }
         }
         has_part_of_its_own(&rows)
+    }
+}
+
+/// The value of a displacement along the axis that its dof stands for, of values by component.
+fn along_axes(system: &System, dof: usize, value: impl Fn(usize) -> f64) -> f64 {
+    match system.numbering.frames.of(dof) {
+        Some(frame) => frame.axes[dof - frame.first].iter().zip(frame.first..).map(|(part, d)| part * value(d)).sum(),
+        None => value(dof),
     }
 }
 

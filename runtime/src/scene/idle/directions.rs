@@ -7,7 +7,7 @@
 use super::{
     super::constraints::{SAME_PLACE, extent},
     Candidate,
-    coarse::{Patch, Tangents},
+    coarse::Tangents,
     entry,
     vectors::{NONE, dot, null_space},
 };
@@ -24,20 +24,20 @@ pub(super) struct Node {
     position: [f64; 3],
     /// Both sides are one: whatever the laws read, the traction goes on there.
     joined: bool,
-    /// Another multiplier holds a jump of it.
-    shared: bool,
+    /// The multiplier is of lower degree than what it acts on.
+    coarse: bool,
     /// Orthonormal directions that act on nothing.
     idle: Vec<Vec<f64>>,
 }
 
 impl Node {
-    /// Looks at the tangents of sticking contact, of a coarse multiplier also at the patches around the node; what is idle
-    /// here is so for the nodes that follow.
-    pub(super) fn new(system: &System, on: &mut Tangents<'_>, candidate: &Candidate, patches: &[Patch]) -> Self {
+    /// Looks at the tangents of sticking contact, of a coarse multiplier also at what is around the node; what is idle here
+    /// is so for the nodes that follow.
+    pub(super) fn new(system: &System, on: &mut Tangents<'_>, candidate: &Candidate) -> Self {
         let field = &system.fields[candidate.field];
         let (first, n) = (candidate.first, field.n_components);
         let mut columns: Vec<Vec<f64>> = Vec::new();
-        let mut acts = candidate.joined;
+        let mut acts = candidate.joined || candidate.coarse;
         for matrix in on.matrices {
             for reads in [true, false] {
                 let coupling = |c: usize, dof: usize| match reads {
@@ -61,7 +61,9 @@ impl Node {
         let beside: Vec<Vec<f64>> = candidate.shared.iter().map(|k| axis(*k)).collect();
         idle.retain(|direction| beside.iter().all(|v| dot(v, direction).abs() <= 0.0));
         idle.extend(beside);
-        idle.retain(|direction| !patches.iter().any(|patch| patch.determines(on, first, direction)));
+        if let Some(entities) = on.entities.filter(|_| candidate.coarse) {
+            idle.retain(|direction| !entities.determine(system, on, candidate, direction));
+        }
         on.idle.extend(idle.iter().filter_map(|v| (0..n).find(|k| v[*k].abs() >= 1.0)).map(|k| first + k));
         let position = field.node_position(candidate.node as usize);
         Self {
@@ -70,7 +72,7 @@ impl Node {
             place: candidate.place.clone(),
             position,
             joined: candidate.joined,
-            shared: !candidate.shared.is_empty(),
+            coarse: candidate.coarse,
             idle,
         }
     }
@@ -98,7 +100,8 @@ pub(super) struct Split {
     n: usize,
     /// That nothing reads.
     pub(super) dropped: Vec<Vec<f64>>,
-    /// That a law reads where the sides can move another way, and all where both sides are one.
+    /// That a law reads where the sides can move another way, and all where both sides are one or the multiplier is coarse:
+    /// its values beside are right with the nearest one.
     pub(super) tied: Vec<Vec<f64>>,
 }
 
@@ -112,7 +115,7 @@ impl Split {
         let (mut dropped, mut tied) = (Vec::new(), Vec::new());
         for direction in &node.idle {
             let read = || slip.iter().any(|matrix| is_read(system, numbers, matrix, node, &beside, direction));
-            if node.joined || (!node.shared && read()) {
+            if node.joined || node.coarse || read() {
                 tied.push(direction.clone())
             } else {
                 dropped.push(direction.clone())
