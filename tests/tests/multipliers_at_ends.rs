@@ -227,16 +227,18 @@ term elastic on all : work(u, Test_u, 1000, 0.25)\n\
         ("P3", "P2", "[2,4] tri", false),
         ("Q2", "Q1", "[3,2,2] hex", false),
         ("P2", "P1", "[4,4,2] tet", false),
-        // two values of one face for the one jump at its middle
+        // fewer jumps than values: some follow the nearest
         ("Q2", "Q1", "[1,2] quad", true),
         ("Q2", "Q1", "[1,2,2] hex", true),
+        ("P2", "P1", "[2,1,2] tet", true),
+        ("P2", "P1", "[1,3,2] tet", true),
     ] {
         let tried = attempt(&examples(), scene(element, multiplier, cells), &[], &[]);
         assert_eq!(tried.messages.contains("W404"), told, "{element} {cells}: {}", tried.messages);
         let found = tried.solved.unwrap_or_else(|| panic!("{element} {cells}: {}", tried.messages));
         let [off, force, size] = ["off", "force", "size"].map(|name| found.measure(0, name));
         assert!(off < 1e-13, "{element} {multiplier} {cells}: {off:e}");
-        assert!(told || force < 1e-11 * size, "{element} {multiplier} {cells}: {force:e} of {size:e}");
+        assert!(force < 1e-9 * size, "{element} {multiplier} {cells}: {force:e} of {size:e}");
     }
 }
 
@@ -276,6 +278,71 @@ fn coarse_multipliers_stay_where_they_meet() {
             let off = tried.solved.unwrap_or_else(|| panic!("{element} {cells}: {}", tried.messages)).measure(0, "off");
             assert!(off < 1e-13, "{element} {multiplier} {cells}: {off:e}");
         }
+    }
+}
+
+/// Two interfaces between bodies with fields of their own: each multiplier has all its nodes but those that are prescribed,
+/// and carries the load. As ties, and with friction.
+#[test]
+fn multipliers_between_bodies_of_their_own_fields_are_kept() {
+    for friction in [false, true] {
+        let law = |k: usize, a: &str, b: &str| {
+            if friction {
+                format!("term c{k} on face{k} : augmented({a}, {b}, l{k}, gamma, 0.3)\n")
+            } else {
+                format!("term c{k} on face{k} : l{k}.J(Test_{a}, Test_{b}) + Test_l{k}.J({a}, {b})\n")
+            }
+        };
+        let found = solved(format!(
+            "use \"elasticity\"\nuse \"contact\"\nparam gamma = 1e4\nmesh box [0,0] to [2,4] cells [2,4] quad\n\
+             region low = cells where y < 1\nregion middle = cells where y > 1 and y < 3\nregion high = cells where y > 3\n\
+             region face1 = interface from low to middle\nregion face2 = interface from middle to high\n\
+             region floor = faces where y == 0\nregion top = faces where y == 4\nunknown uA : vector on low\n\
+             unknown uB : vector on middle\nunknown uC : vector on high\nmultiplier l1 : vector on face1\n\
+             multiplier l2 : vector on face2\ndef J(a, b) = a - Interpolate(b, neighbor_element)\n\
+             term a on low : work(uA, Test_uA, 1000, 0)\nterm b on middle : work(uB, Test_uB, 1000, 0)\n\
+             term c on high : work(uC, Test_uC, 1000, 0)\n{}{}fix uA = [0,0] on floor\nload uC = [0,-1] on top\n\
+             measure one = integral(l1(2)) on face1\nmeasure two = integral(l2(2)) on face2\n\
+             measure sink = mean(uC(2)) on top\n",
+            law(1, "uA", "uB"),
+            law(2, "uB", "uC")
+        ));
+        for force in ["one", "two"] {
+            assert!((found.measure(0, force).abs() - 2.0).abs() < 1e-9, "{friction}: {}", found.measure(0, force));
+        }
+        assert!((found.measure(0, "sink") + 4e-3).abs() < 1e-12, "{friction}: {}", found.measure(0, "sink"));
+    }
+}
+
+/// Friction at an edge where two rollers meet: tangential directions without a jump follow the nearest nodes along the axes
+/// of their own frames, whichever way the scene is turned.
+#[test]
+fn friction_where_rollers_meet_does_not_depend_on_the_axes() {
+    for angle in [0.0, 1e-3, 0.65] {
+        let found = solved(format!(
+            "use \"elasticity\"\nuse \"contact\"\nparam gamma = 1e4\nparam a = {angle}\n\
+             mesh box [-1,0,0] to [1,1,1] cells [2,1,1] hex map [x*cos(a) - y*sin(a), x*sin(a) + y*cos(a), z]\n\
+             def back = [x*cos(a) + y*sin(a), y*cos(a) - x*sin(a), z]\ndef turn = [cos(a),-sin(a),0; sin(a),cos(a),0; 0,0,1]\n\
+             def G = [-3e-3,-2e-3,1e-3; 1.5e-3,-1e-3,7e-4; 3e-4,-4e-4,2e-3]\ndef exact = turn*(G*back)\n\
+             def grad = turn*G*turn'\ndef S = 400*Trace(grad)*Id(3) + 800*Sym(grad)\n\
+             def side = S*Normal - ((S*Normal).Normal)*Normal\nregion left = cells where back(1) < 0\n\
+             region right = cells where back(1) > 0\nregion fault = interface from left to right\n\
+             region west = faces where back(1) < -1 + 1e-9\nregion east = faces where back(1) > 1 - 1e-9\n\
+             region south = faces where back(2) < 1e-9\nregion bottom = faces where back(3) < 1e-9\n\
+             region open = faces where back(2) > 1 - 1e-9 or back(3) > 1 - 1e-9\n\
+             region southL = south & faces of left\nregion southR = south & faces of right\n\
+             region bottomL = bottom & faces of left\nregion bottomR = bottom & faces of right\n\
+             region openL = open & faces of left\nregion openR = open & faces of right\n\
+             unknown uL : vector on left\nunknown uR : vector on right\nmultiplier l : vector on fault\n\
+             quadrature on fault vertex\nterm eL on left : work(uL, Test_uL, 1000, 0.25)\n\
+             term eR on right : work(uR, Test_uR, 1000, 0.25)\nterm contact on fault : augmented(uL, uR, l, gamma, 0.7)\n\
+             fix uL = exact on west\nfix uR = exact on east\nfix uL.Normal = exact.(turn*[0,-1,0]) on southL\n\
+             fix uR.Normal = exact.(turn*[0,-1,0]) on southR\nfix uL.Normal = exact.[0,0,-1] on bottomL\n\
+             fix uR.Normal = exact.[0,0,-1] on bottomR\nload uL = side on southL\nload uR = side on southR\n\
+             load uL = side on bottomL\nload uR = side on bottomR\nload uL = S*Normal on openL\nload uR = S*Normal on openR\n\
+             measure off = max(Norm(uL - exact)) on left\n"
+        ));
+        assert!(found.measure(0, "off") < 1e-13, "{angle}: {:e}", found.measure(0, "off"));
     }
 }
 

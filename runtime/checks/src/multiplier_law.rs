@@ -92,7 +92,8 @@ impl Solved<'_> {
         let asked = asked_of(1.0).max(asked_of(-1.0));
         // within a bound that does not depend on the multiplier nothing is asked of it but rounding; twice goes beyond
         let beyond = 0.5 * asked_of(2.0).max(asked_of(-2.0));
-        (asked > ROUNDING * beyond)
+        // nor of one below the smallest number with all digits: what an open face leaves
+        (asked > ROUNDING * beyond && asked >= f64::MIN_POSITIVE)
             .then(|| LawDefect { multiplier: self.system.fields[field].name.clone(), size: left / asked })
     }
 

@@ -270,6 +270,16 @@ impl Plan {
                 axes.insert(candidate.first, frame);
             }
         }
+        // a leader that gets a frame counts its dofs along it: all have theirs before a dof is named
+        let mut known = None;
+        while known != Some(axes.len()) {
+            known = Some(axes.len());
+            for (candidate, split) in candidates.iter().zip(&splits) {
+                for direction in &split.tied {
+                    leader(system, candidate, direction, &by_node, &splits, &mut axes);
+                }
+            }
+        }
         for (k, (candidate, split)) in candidates.iter().zip(&splits).enumerate() {
             plan.counts.push((split.dropped.len(), 0));
             for direction in &split.dropped {
