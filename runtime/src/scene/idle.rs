@@ -97,7 +97,7 @@ pub(super) fn leave_out(
     let mut on = Tangents { matrices: &stick, numbers: &numbers, entities: entities.as_ref(), idle: BTreeSet::new() };
     let nodes: Vec<Node> = candidates.iter().map(|candidate| Node::new(system, &mut on, candidate)).collect();
     let splits: Vec<Split> = (0..nodes.len()).map(|k| Split::new(system, &numbers, &slip, &nodes, k)).collect();
-    let plan = Plan::new(system, &candidates, splits);
+    let plan = Plan::new(system, &on, &candidates, splits);
     let notes = plan.tell(script, system, &candidates, diagnostics);
     system.leave_out(plan.dropped, plan.ties, plan.frames)?;
     Ok(notes)
@@ -259,7 +259,7 @@ struct Plan {
 }
 
 impl Plan {
-    fn new(system: &System, candidates: &[Candidate], splits: Vec<Split>) -> Self {
+    fn new(system: &System, on: &Tangents<'_>, candidates: &[Candidate], splits: Vec<Split>) -> Self {
         let mut plan = Self { frames: system.numbering.frames.list().to_vec(), ..Self::default() };
         let by_node: BTreeMap<(usize, u32), usize> =
             candidates.iter().enumerate().map(|(k, c)| ((c.field, c.node), k)).collect();
@@ -280,23 +280,33 @@ impl Plan {
                 }
             }
         }
+        let mut followers: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (k, (candidate, split)) in candidates.iter().zip(&splits).enumerate() {
             plan.counts.push((split.dropped.len(), 0));
             for direction in &split.dropped {
                 plan.dropped.extend(dof_along(candidate.first, direction, axes.get(&candidate.first)));
             }
             for direction in &split.tied {
-                let follower = dof_along(candidate.first, direction, axes.get(&candidate.first));
+                let Some(follower) = dof_along(candidate.first, direction, axes.get(&candidate.first)) else {
+                    plan.counts[k].0 += 1;
+                    continue;
+                };
                 let leader = leader(system, candidate, direction, &by_node, &splits, &mut axes);
-                match (follower, leader) {
-                    (Some(follower), Some(leader)) => {
-                        plan.ties.push(Tie { follower, leader });
-                        plan.counts[k].1 += 1;
+                let entities = on.entities.filter(|_| candidate.coarse && axes.is_empty());
+                let can_lead = |leader: &usize| {
+                    followers.entry(*leader).or_default().push(follower);
+                    let can = entities.is_none_or(|e| e.can_lead(system, on, *leader, &followers));
+                    if !can {
+                        followers.entry(*leader).or_default().pop();
                     }
-                    (follower, _) => {
-                        plan.dropped.extend(follower);
-                        plan.counts[k].0 += 1;
-                    }
+                    can
+                };
+                if let Some(leader) = leader.filter(can_lead) {
+                    plan.ties.push(Tie { follower, leader });
+                    plan.counts[k].1 += 1;
+                } else {
+                    plan.dropped.push(follower);
+                    plan.counts[k].0 += 1;
                 }
             }
         }
@@ -356,7 +366,7 @@ impl Of<'_> {
         let name = self.name;
         let mut warn = |count: usize, what: &str| {
             if count > 0 {
-                let text = format!("{} of `{name}` {what}", nodes(count));
+                let text = format!("at {} `{name}` {what}", nodes(count));
                 let note =
                     "what is free around them does not determine so many values; `with crosspoints=keep` keeps them";
                 let label = "its surface has few free nodes there";
@@ -365,8 +375,8 @@ impl Of<'_> {
         };
         let dropped = counts.iter().filter(|(dropped, _)| *dropped > 0).count();
         let following = counts.iter().filter(|(dropped, tied)| *dropped == 0 && *tied > 0).count();
-        warn(dropped, "dropped: no node beside holds a jump");
-        warn(following, "with the value of the nearest node that holds a jump");
+        warn(dropped, "is dropped");
+        warn(following, "has the value of the nearest node that holds a jump");
     }
 
     /// The same of nodes where displacements of both sides are prescribed.

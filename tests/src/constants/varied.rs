@@ -209,7 +209,8 @@ impl VariedWorkspace {
             .current_dir(&self.root)
             .args(["test", "--release", "--no-run", "--message-format=json", "--lib"])
             .args(packages.chain(programs))
-            .args(["--target-dir", &root.join("target").display().to_string()])
+            // a folder of its own: crates of the copy have the names of those that are used otherwise
+            .args(["--target-dir", &self.root.join("target").display().to_string()])
             .stderr(Stdio::inherit())
             .output()?;
         let text = String::from_utf8_lossy(&output.stdout);

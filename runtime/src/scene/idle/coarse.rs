@@ -93,8 +93,7 @@ impl Entities {
         Patch { rows: rows.into_iter().collect(), columns }
     }
 
-    /// Whether displacements determine a direction of the multiplier at a candidate: in the smallest patch around it that
-    /// shows it.
+    /// Whether displacements determine a direction of the multiplier at a candidate.
     pub(super) fn determine(
         &self,
         system: &System,
@@ -102,12 +101,38 @@ impl Entities {
         candidate: &Candidate,
         direction: &[f64],
     ) -> bool {
-        let own = candidate.first..candidate.first + direction.len();
-        let mut within = self.dofs_of(&self.around(own));
+        let n = direction.len();
+        let own = candidate.first..candidate.first + n;
+        let along = |v: &[f64]| -> Row { own.clone().zip(v.iter().copied()).collect() };
+        // the other directions of the node are rows, too
+        let beside: Vec<Row> = null_space(n, &[direction.to_vec()]).iter().map(|v| along(v)).collect();
+        let of = |row: usize| (!own.contains(&row)).then(|| vec![(row, 1.0)]);
+        self.are_independent(system, on, &Rows { own: along(direction), beside, of: &of })
+    }
+
+    /// Whether the row of a leader is determined with those that follow it, by leader.
+    pub(super) fn can_lead(
+        &self,
+        system: &System,
+        on: &Tangents<'_>,
+        leader: usize,
+        followers: &BTreeMap<usize, Vec<usize>>,
+    ) -> bool {
+        let with_followers = |row: usize| -> Row {
+            let following = followers.get(&row).into_iter().flatten();
+            std::iter::once(&row).chain(following).map(|dof| (*dof, 1.0)).collect()
+        };
+        let of = |row: usize| (row != leader).then(|| with_followers(row));
+        self.are_independent(system, on, &Rows { own: with_followers(leader), beside: Vec::new(), of: &of })
+    }
+
+    /// Whether a row does not follow from others, in the smallest patch around it that shows it.
+    fn are_independent(&self, system: &System, on: &Tangents<'_>, rows: &Rows<'_>) -> bool {
+        let mut within = self.dofs_of(&self.around(rows.own.iter().map(|(dof, _)| *dof)));
         loop {
             let grown = self.dofs_of(&self.around(within.iter().copied()));
             let patch = self.patch(system, &grown);
-            if patch.determines(system, on, candidate.first, direction) {
+            if patch.determines(system, on, rows) {
                 return true;
             }
             if grown.len() == within.len() || patch.rows.len() > MOST_ROWS {
@@ -116,6 +141,19 @@ impl Entities {
             within = grown;
         }
     }
+}
+
+/// A sum of rows of multipliers: by dof its factor.
+type Row = Vec<(usize, f64)>;
+
+/// What is asked of a patch.
+struct Rows<'a> {
+    /// Whether this row follows from the others.
+    own: Row,
+    /// Others at its node.
+    beside: Vec<Row>,
+    /// The row that a dof of a patch stands for, if it is another one.
+    of: &'a dyn Fn(usize) -> Option<Row>,
 }
 
 /// True of a multiplier with a lower degree than a displacement at its node, inside a surface.
@@ -140,9 +178,9 @@ pub(super) struct Tangents<'a> {
 }
 
 impl Patch {
-    /// Whether the displacements here determine a direction of the multiplier at a candidate of `n` components: its row
-    /// does not follow from the others that are not idle, in the equations and in the forces of every tangent that has it.
-    fn determines(&self, system: &System, on: &Tangents<'_>, first: usize, direction: &[f64]) -> bool {
+    /// Whether the displacements here determine a row: it does not follow from the others that are not idle, in the
+    /// equations and in the forces of every tangent that has it.
+    fn determines(&self, system: &System, on: &Tangents<'_>, rows: &Rows<'_>) -> bool {
         let mut found = false;
         for matrix in on.matrices {
             let equations =
@@ -150,7 +188,7 @@ impl Patch {
             let forces =
                 |row: usize, column: usize| along_axes(system, column, |dof| entry(matrix, on.numbers, dof, row));
             for coupling in [&equations as &dyn Fn(usize, usize) -> f64, &forces] {
-                match self.is_independent(coupling, &on.idle, first, direction) {
+                match self.is_independent(coupling, &on.idle, rows) {
                     Some(true) => found = true,
                     Some(false) => return false,
                     None => {}
@@ -160,34 +198,28 @@ impl Patch {
         found
     }
 
-    /// The same of one matrix; `None` if nothing couples the candidate there.
+    /// The same of one matrix; `None` if nothing couples the row there.
     fn is_independent(
         &self,
         coupling: &dyn Fn(usize, usize) -> f64,
         idle: &BTreeSet<usize>,
-        first: usize,
-        direction: &[f64],
+        rows: &Rows<'_>,
     ) -> Option<bool> {
-        let n = direction.len();
-        let own = first..first + n;
-        // the other rows, the other directions of the node, and last the direction itself
-        let others = self.rows.iter().filter(|row| !own.contains(*row) && !idle.contains(*row));
-        let mut rows: Vec<Vec<f64>> =
-            others.map(|row| self.columns.iter().map(|c| coupling(*row, *c)).collect()).collect();
-        let along = |v: &[f64]| -> Vec<f64> {
-            let at = |c: &usize| (0..n).map(|k| v[k] * coupling(first + k, *c)).sum();
+        let values = |row: &Row| -> Vec<f64> {
+            let at = |c: &usize| row.iter().map(|(dof, factor)| factor * coupling(*dof, *c)).sum();
             self.columns.iter().map(at).collect()
         };
-        rows.extend(null_space(n, &[direction.to_vec()]).iter().map(|v| along(v)));
-        rows.push(along(direction));
+        let others = self.rows.iter().filter(|row| !idle.contains(*row)).filter_map(|row| (rows.of)(*row));
+        let mut all: Vec<Vec<f64>> = others.chain(rows.beside.iter().cloned()).map(|row| values(&row)).collect();
+        all.push(values(&rows.own));
         // units of the columns differ
         for c in 0..self.columns.len() {
-            let largest = rows.iter().fold(0.0f64, |m, row| m.max(row[c].abs()));
+            let largest = all.iter().fold(0.0f64, |m, row| m.max(row[c].abs()));
             if largest > 0.0 {
-                rows.iter_mut().for_each(|row| row[c] /= largest);
+                all.iter_mut().for_each(|row| row[c] /= largest);
             }
         }
-        has_part_of_its_own(&rows)
+        has_part_of_its_own(&all)
     }
 }
 
