@@ -4,7 +4,7 @@
 
 use wfl::{Code, Diagnostic};
 
-use super::{Others, PhysicsCheck, Run, StepResult, ended::Ended, friction, leaving, watched};
+use super::{Others, PhysicsCheck, Run, StepResult, ended::Ended, friction, leaving, partial, watched};
 use crate::{
     checks::{About, NarrowZone, TurnedCells, Unstable, Zigzag},
     finite::position,
@@ -50,6 +50,7 @@ const CHECKS: &[Check] = &[
     Check { codes: &[Code::W610], look: |run| bad_measures(run.run) },
     Check { codes: &[Code::W620], look: |run| leaving::lost(run).into_iter().collect() },
     Check { codes: &[Code::W650], look: unbalanced },
+    Check { codes: &[Code::W651], look: partial::told },
     Check {
         codes: &[Code::W621],
         look: |run| {

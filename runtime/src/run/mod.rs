@@ -27,6 +27,7 @@ mod memory;
 mod options;
 mod others;
 mod outcome;
+mod partial;
 mod parts;
 mod past;
 mod progress;
@@ -79,6 +80,7 @@ use friction::Friction;
 use integrators::Integrators;
 use judged::KnownOfOthers;
 use keeping::Keeper;
+use partial::{OfLastPart, Whole};
 use requests::StepRequest;
 use stepping::{Making, Reached, StepError, Stepper};
 use watched::Watched;
@@ -128,6 +130,8 @@ pub struct StepResult {
     pub measures: Vec<(String, f64)>,
     /// Those of them that are not finite; empty for a step that another process did.
     pub bad_measures: Vec<BadMeasure>,
+    /// Measures that have the change over its last part; empty for a step that another process did.
+    pub(crate) partial: Vec<OfLastPart>,
     /// What moves in the balances of the scene; empty for a step that another process did.
     pub(crate) moved: Vec<Turnover>,
     /// By term: the branches of its kinks at its end; empty as [`Self::state`] is.
@@ -446,22 +450,27 @@ impl Run {
         let StepRequest { number, count, from, window, .. } = request;
         let chosen_from = from.filter(|_| count.is_none());
         progress.step(number, count, chosen_from.unwrap_or(window.end));
-        let reached = self.advance(scene, request, progress);
+        let mut whole = None;
+        let reached = self.advance(scene, request, &mut whole, progress);
         let judged = reached.and_then(|reached| self.judged(scene, reached));
         let stopped = |error| RunError::of_step(self.stepper.with_reason(scene, error, &self.u), number, window.end);
         let step = judged.map_err(stopped)?;
-        self.ended(scene, step, progress)
+        let mut step = self.ended(scene, step, progress)?;
+        step.partial = whole.map(|whole| whole.of_last_part(scene, &self.u, &step)).unwrap_or_default();
+        Ok(step)
     }
 
-    /// From the end of the last step to that of the next one.
+    /// From the end of the last step to that of the next one; what measures need of its start, where it may have parts.
     fn advance(
         &mut self,
         scene: &mut Solving<'_>,
         request: StepRequest,
+        whole: &mut Option<Whole>,
         progress: &mut dyn Progress,
     ) -> Result<Reached, StepError> {
         let Self { u, stepper, integrators, clock, .. } = self;
         stepping::begin(scene, request, u)?;
+        *whole = Whole::new(scene, request.window);
         integrators.of(scene, &request).advance(Making { stepper, scene, u, clock, progress }, request)
     }
 

@@ -335,6 +335,12 @@ impl Measure {
         }
     }
 
+    /// Whether it samples an expression that reads the end of the previous step.
+    #[must_use]
+    pub fn reads_change(&self) -> bool {
+        matches!(self.taken, Taken::Points(..)) && self.reads_past()
+    }
+
     /// Where the expression is not finite, for a `value` that is not, at the state of the last [`Self::evaluate`].
     pub fn bad(&self, value: f64, system: &System, u: &[f64]) -> BadMeasure {
         let state = system.values(u);

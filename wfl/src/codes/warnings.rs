@@ -664,6 +664,16 @@ pages! {
         "solver newton with tol=1e-10",
     ),
     page(
+        W651,
+        "a change over a part of a step",
+        "A step that did not converge was solved in smaller increments. Measures that read `Previous_` or `timestep` see the \
+         last of these: a slip, a work or a wear of the step is that of its last increment. The message has both numbers. \
+         A state that adds up what is wanted in each increment has the whole, as the energies of the run have; steps that \
+         converge at once have no parts.",
+        "measure worn = integral(u - Previous_u) on all",
+        "state sum : scalar on all := Previous_sum + u - Previous_u\nmeasure worn = integral(sum) on all",
+    ),
+    page(
         W660,
         "a derivative at a kink",
         "At the end of a step points are between two branches within 1e-9 of what they compare: between stick and slip, open \

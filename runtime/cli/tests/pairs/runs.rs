@@ -338,6 +338,13 @@ fn warnings() -> Vec<Pair> {
         Pair::new("W647", HEATED).near("-Dot_T", "Dot_T"),
         Pair::new("W648", BEAM).near("unknown u : vector", "unknown u : vector Q2"),
         Pair::new("W649", SOAKED).near("3e-5 by 1e-5", "0.15 by 0.05"),
+        Pair::new(
+            "W651",
+            "mesh box [0] to [1] cells [1] segment\nunknown d : scalar global\nsteps t = 0 to 2 by 1\n\
+             term law on global : (exp(d) - 1 - 100*t)*Test_d\nsolver newton with max_iter=5\n\
+             measure change = mean(d - Previous_d) on all\n",
+        )
+        .near("max_iter=5", "max_iter=20"),
         Pair::new("W660", AT_BOUND).command("run scene.wfl --gradient moved --with P").near("r = 1\n", "r = 0.5\n"),
         Pair::new("W680", SHORT_CRACK).near("x < 0.26", "x < 0.51"),
         Pair::new("W702", flow("param k = 1")).near("param k = 1", "param k = 1\nload p = k on all"),

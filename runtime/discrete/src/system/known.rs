@@ -57,6 +57,14 @@ impl System {
         &self.known
     }
 
+    /// A copy of these equations with another end of the previous step.
+    #[must_use]
+    pub fn with_past(&self, past: &Past) -> Self {
+        let mut other = self.clone();
+        other.known.previous = Some(past.clone());
+        other
+    }
+
     /// Takes over what was known to these equations, or to a copy of them.
     pub fn set_known(&mut self, known: &Known) {
         self.known.clone_from(known);
