@@ -1,5 +1,7 @@
 //! Looks at a state: forces by term, fields of one unit, numbers that are not finite.
 
+use std::collections::BTreeMap;
+
 use super::{FIXED, Residual, System, Tangent};
 use crate::assemble::{AssembledTerm, TermError};
 use crate::finite::{BadState, largest as largest_of};
@@ -7,6 +9,8 @@ use crate::share::NumbersOfWhole;
 
 /// A displacement below this part of what the forces in its equation would do one by one is zero.
 const ZERO: f64 = 1e-12;
+/// An entry of a row below this part of the largest one in the same field is what rounding leaves of summands that cancel.
+const CANCELLED: f64 = 1e-12;
 
 impl System {
     /// The first of the fields whose values have the unit and size of those of `field`: displacements of bodies that
@@ -105,9 +109,16 @@ impl System {
             let (columns, values) = matrix.row(free);
             columns.iter().zip(values)
         });
-        let of =
-            |(column, value): (&u32, &f64)| sizes[self.numbering.free_dofs[*column as usize] as usize] / value.abs();
-        largest_of(entries.filter(|(_, value)| **value != 0.0).map(of))
+        let entries: Vec<(usize, f64)> =
+            entries.map(|(column, value)| (self.numbering.free_dofs[*column as usize] as usize, value.abs())).collect();
+        // entries whose summands cancel are rounding, and would have a value as large as that is small
+        let mut largest: BTreeMap<usize, f64> = BTreeMap::new();
+        for (dof, value) in &entries {
+            let of_field = largest.entry(self.field_of(*dof)).or_default();
+            *of_field = of_field.max(*value);
+        }
+        let counts = |(dof, value): &&(usize, f64)| *value > CANCELLED * largest[&self.field_of(*dof)];
+        largest_of(entries.iter().filter(counts).map(|(dof, value)| sizes[*dof] / value))
     }
 
     /// The same of a term that need not be one of the system.
