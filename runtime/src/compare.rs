@@ -243,8 +243,7 @@ pub struct Compared<'a> {
 }
 
 /// Relative differences from a reference by quantity, of norms of unknowns that of the worst kind; not a number where too
-/// many points were not found. A measure with
-/// the name of an output is called `measure NAME`.
+/// many points were not found. A measure with the name of an output is called `measure NAME`.
 #[must_use]
 pub fn differences(found: Compared<'_>, reference: Compared<'_>) -> Vec<(String, f64)> {
     let mut sums: Vec<([&str; 2], Sum)> = Vec::new();

@@ -213,7 +213,7 @@ fn coarse_multipliers_stay_at_prescribed_ends() {
              region above = cells where {up} > 0.5\nregion s = interface from below to above\n\
              unknown u : vector {element}\nsplit u across s\nmultiplier l : vector {multiplier} on s\n\
              def jump(a) = a - Interpolate(a, neighbor_element)\ndef exact = {strain}\n\
-term elastic on all : work(u, Test_u, 1000, 0.25)\n\
+             term elastic on all : work(u, Test_u, 1000, 0.25)\n\
              term tie on s : l.jump(Test_u) + jump(u).Test_l\nfix u = exact on boundary\n\
              measure off = max(Norm(u - exact)) on all\ndef t = traction(u, 1000, 0.25)\n\
              measure force = max(min(Norm(l - t), Norm(l + t))) on s\nmeasure size = max(Norm(t)) on s\n"
@@ -232,16 +232,20 @@ term elastic on all : work(u, Test_u, 1000, 0.25)\n\
         ("Q2", "Q1", "[1,2,2] hex", true),
         ("P2", "P1", "[2,1,2] tet", true),
         ("P2", "P1", "[1,3,2] tet", true),
+        // one row of faces: the ends are determined from far away
+        ("P2", "P1", "[40,1,2] tet", true),
+        ("Q2", "Q1", "[40,1,2] hex", true),
     ] {
         let tried = attempt(&examples(), scene(element, multiplier, cells), &[], &[]);
         assert_eq!(tried.messages.contains("W404"), told, "{element} {cells}: {}", tried.messages);
         let found = tried.solved.unwrap_or_else(|| panic!("{element} {cells}: {}", tried.messages));
         let [off, force, size] = ["off", "force", "size"].map(|name| found.measure(0, name));
-        assert!(off < 1e-13, "{element} {multiplier} {cells}: {off:e}");
-        assert!(
-            tried.messages.contains("is dropped") || force < 1e-9 * size,
-            "{element} {multiplier} {cells}: {force:e} of {size:e}"
-        );
+        // displacements of four; cells twenty times as long as wide leave more rounding, of which rows that are determined by a
+        // hundredth of their size make a hundred times as much
+        let [rounding, part] = if cells.starts_with("[40") { [2e-12, 1e-6] } else { [1e-13, 1e-9] };
+        assert!(off < rounding, "{element} {multiplier} {cells}: {off:e}");
+        assert!(!tried.messages.contains("is dropped"), "{element} {multiplier} {cells}: {}", tried.messages);
+        assert!(force < part * size, "{element} {multiplier} {cells}: {force:e} of {size:e}");
     }
 }
 
@@ -444,6 +448,54 @@ fn one_multiplier_on_the_walls_of_a_corner_is_told() {
                 term hold on walls : p*(Test_u.Normal) + Test_p*(u.Normal)\nload u = [1,2,3] on all\n";
     let tried = attempt(&examples(), cube.to_owned(), &[], &[]);
     assert!(tried.messages.contains("W424") && tried.messages.contains("at 7 nodes"), "{}", tried.messages);
+    // the normals of its four faces differ by a few degrees
+    let bent = scene("Q1", &one.replace("walls", "south"), "fix u(1) = 0 on west\n")
+        .replace("cells [4,4] quad", "cells [4,4] quad map [x, y - 0.2*x*(1 - x)*(1 - y)]")
+        .replace("faces where y == 0", "faces where y < 0.01");
+    let tried = attempt(&examples(), bent, &[], &[]);
+    assert!(tried.solved.is_some() && !tried.messages.contains("W424"), "{}", tried.messages);
+}
+
+/// Contact of linear pressures on quadratic tetrahedra, whose rule has its points between the nodes: a corner of prescribed
+/// walls has no equation of its own there and follows the nearest node.
+#[test]
+fn contact_of_tetrahedra_has_a_pressure_at_corners() {
+    let found = solved(
+        "use \"elasticity\"\nparam gamma = 1e4\nmesh box [-1,0,0] to [1,1,1] cells [2,2,2] tet\n\
+         region left = cells where x < 0\nregion right = cells where x > 0\nregion fault = interface from left to right\n\
+         region oL = faces of left & boundary\nregion oR = faces of right & boundary\nunknown uL : vector P2 on left\n\
+         unknown uR : vector P2 on right\nmultiplier l : scalar P1 on fault\n\
+         def J(a, b) = a - Interpolate(b, neighbor_element)\ndef pn = gamma*(J(uL, uR).Normal) - l\n\
+         term eL on left : work(uL, Test_uL, 1000, 0)\nterm eR on right : work(uR, Test_uR, 1000, 0)\n\
+         term push on fault : pos_part(pn)*(J(Test_uL, Test_uR).Normal)\n\
+         term law on fault : -1/gamma*(l + pos_part(pn))*Test_l\nfix uL = [-1e-3*x,0,0] on oL\n\
+         fix uR = [-1e-3*x,0,0] on oR\nmeasure off = max(abs(l + 1)) on fault\n",
+    );
+    assert!(found.measure(0, "off") < 1e-11, "{:e}", found.measure(0, "off"));
+}
+
+/// A fault whose slope is its friction coefficient, with one component prescribed at its end: in one direction of sliding the
+/// force there does not depend on the component without a jump, in the other it does. It follows, and a linear solution is exact.
+#[test]
+fn friction_as_large_as_the_slope_follows_at_the_end() {
+    for friction in [0.69, 0.7] {
+        let found = solved(format!(
+            "use \"elasticity\"\nuse \"contact\"\nmesh box [-1,0] to [1,1] cells [2,2] quad map [x - 0.7*y, y]\n\
+             def G = [-3e-3,-2e-3; 1.5e-3,-1e-3]\ndef exact = G*[x, y]\ndef S = 400*Trace(G)*Id(2) + 800*Sym(G)\n\
+             region left = cells where x + 0.7*y < 0\nregion right = cells where x + 0.7*y > 0\n\
+             region fault = interface from left to right\nregion west = faces where x + 0.7*y < -1 + 1e-9\n\
+             region east = faces where x + 0.7*y > 1 - 1e-9\nregion southL = faces of left where y == 0\n\
+             region southR = faces of right where y == 0\nregion northL = faces of left where y == 1\n\
+             region northR = faces of right where y == 1\nunknown uL : vector on left\nunknown uR : vector on right\n\
+             multiplier l : vector on fault\nquadrature on fault vertex\n\
+             term eL on left : work(uL, Test_uL, 1000, 0.25)\nterm eR on right : work(uR, Test_uR, 1000, 0.25)\n\
+             term contact on fault : augmented(uL, uR, l, 1e4, {friction})\nfix uL = exact on west\nfix uR = exact on east\n\
+             fix uL(1) = exact(1) on southL\nfix uR(1) = exact(1) on southR\nload uL(2) = (S*Normal)(2) on southL\n\
+             load uR(2) = (S*Normal)(2) on southR\nload uL = S*Normal on northL\nload uR = S*Normal on northR\n\
+             measure off = max(Norm(uL - exact)) on left\n"
+        ));
+        assert!(found.measure(0, "off") < 1e-13, "{friction}: {:e}", found.measure(0, "off"));
+    }
 }
 
 /// A value of zero that a multiplier prescribes: its equation is rounding of unknowns that are large elsewhere.

@@ -287,8 +287,8 @@ impl Moved<'_> {
 
 /// What each contact law leaves of gaps and friction cones at `u`, with the name of its term and the largest displacement of
 /// its bodies; where they have not moved it is left out. A law that moves nothing itself is left out beside one that does, and
-/// so are laws on cells, and laws that push nothing ([`ContactTerm::pushes`]). Of a law whose images follow the bodies it is what their rays tell
-/// (`following.rs`).
+/// so are laws on cells, and laws that push nothing ([`ContactTerm::pushes`]). Of a law whose images follow the bodies it is
+/// what their rays tell (`following.rs`).
 #[must_use]
 pub fn contact_gaps<'a>(
     system: &'a System,

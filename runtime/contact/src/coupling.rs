@@ -32,8 +32,8 @@ pub fn has_multiplier(system: &System, term: &AssembledTerm) -> bool {
     fields.any(|f| system.fields.get(f).is_some_and(|f| f.kind == FieldKind::Multiplier))
 }
 
-/// The tangents of the terms with multipliers over the dofs that have a number, on one branch of friction; where a law
-/// has kinks that are no projections, one tangent for each of three states. The laws are those of the step begun last;
+/// The tangents of the terms with multipliers over the dofs that have a number, on one branch of friction: of sliding one for
+/// each of two ways; where a law has kinks that are no projections, as many for each of three states. The laws are those of the step begun last;
 /// `size` is that of the unknowns.
 ///
 /// # Errors

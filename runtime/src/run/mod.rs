@@ -456,7 +456,9 @@ impl Run {
         let stopped = |error| RunError::of_step(self.stepper.with_reason(scene, error, &self.u), number, window.end);
         let step = judged.map_err(stopped)?;
         let mut step = self.ended(scene, step, progress)?;
+        let begin = Instant::now();
         step.partial = whole.map(|whole| whole.of_last_part(scene, &self.u, &step)).unwrap_or_default();
+        self.clock.measure += begin.elapsed().as_secs_f64();
         Ok(step)
     }
 

@@ -33,7 +33,8 @@ pub struct Outcome {
     pub kept: Vec<KeptStep>,
     /// Expectations of the scene: place and whether they hold.
     pub expectations: Vec<(wfl::Expect, Option<bool>)>,
-    /// What expectations know beside params: the measures and the step variable at the last step, and the numbers of the events.
+    /// What expectations know beside params: the measures and the step variable at the last step, and the numbers of the
+    /// events.
     pub known: Vec<(String, f64)>,
     /// Derivatives that expectations know, once they are found ([`crate::gradient::settle`]).
     pub derivatives: Vec<(String, Constant)>,

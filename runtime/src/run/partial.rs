@@ -19,7 +19,8 @@ const MUCH: f64 = 0.75;
 
 /// The past of a step as a whole.
 pub(super) struct Whole {
-    past: Past,
+    /// The end of the step before, where something reads it.
+    past: Option<Past>,
     window: Window,
 }
 
@@ -27,19 +28,17 @@ impl Whole {
     /// That of the step that begins, where a measure reads it and the step may be solved in parts.
     pub(super) fn new(scene: &Solving<'_>, window: Window) -> Option<Self> {
         let may_be_parted = scene.steps.halve > 0 && !scene.system.is_linear();
-        let read = may_be_parted && scene.measures.iter().any(|measure| measure.reads_change());
-        let past = scene.system.known().previous.as_ref().filter(|_| read)?;
-        Some(Self { past: past.clone(), window })
+        let read = may_be_parted && scene.measures.iter().any(Measure::reads_change);
+        read.then(|| Self { past: scene.system.known().previous.clone(), window })
     }
 
     /// The measures at the end of a step that have the change over its last part alone.
     pub(super) fn of_last_part(&self, scene: &Solving<'_>, u: &[f64], step: &StepResult) -> Vec<OfLastPart> {
-        let part = step.window.increment / self.window.increment;
-        // the increments of parts are sums of rounded numbers
-        if !step.history.converged() || part > 1.0 - f64::EPSILON.sqrt() {
+        // a part is at most half of a step; the state where time starts has no increment
+        if !step.history.converged() || step.window.increment.abs() >= MUCH * self.window.increment.abs() {
             return Vec::new();
         }
-        let system = scene.system.with_past(&self.past);
+        let system = scene.system.with_past(self.past.as_ref());
         let at = Measured::new(&system, self.window, u);
         let of = |measure: &Measure| {
             let (_, last) = step.measures.iter().find(|(name, _)| *name == measure.name)?;
@@ -47,7 +46,7 @@ impl Whole {
             let is_less = last.abs() < MUCH * whole.abs();
             is_less.then(|| OfLastPart { name: measure.name.clone(), last: *last, whole })
         };
-        scene.measures.iter().filter(|measure| measure.reads_change()).filter_map(of).collect()
+        scene.measures.iter().filter(|measure| Measure::reads_change(measure)).filter_map(of).collect()
     }
 }
 
@@ -78,9 +77,10 @@ pub(super) fn told(run: &Ended<'_>) -> Vec<Diagnostic> {
     let span = run.scene.measures.iter().find(|measure| measure.name == *name).map(|measure| measure.span);
     let d = Diagnostic::new(Code::W651, text)
         .note(format!(
-            "the step was solved in smaller increments, and `Previous_` is the end of the increment before; {} in {}",
-            if names.len() == 1 { format!("`{name}` alone") } else { format!("the same of {}", names.join(", ")) },
-            if steps().count() == 1 { "this step".to_owned() } else { format!("{} steps", steps().count()) }
+            "the step was solved in smaller increments, and the end of the one before is what `Previous_` reads; so it is with \
+             {} in {}",
+            names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "),
+            if steps().count() == 1 { "this step alone".to_owned() } else { format!("{} steps", steps().count()) }
         ))
         .help("a state that adds up: state work : scalar on .. := Previous_work + ..; or smaller steps");
     vec![match span {

@@ -13,15 +13,11 @@ use wfl_compiler::{
 };
 
 use super::{
-    constraints::{Spot, at_place, extent},
+    constraints::{SAME_PLACE, extent},
     meeting::Multipliers,
     normals::node_normals,
 };
-use crate::{
-    element::Family,
-    field::FieldSpace,
-    space::{Space, Support},
-};
+use crate::{element::Family, field::FieldSpace, space::Support};
 
 /// W424 for each multiplier with one value for displacements along several normals, of which none is prescribed.
 pub(super) fn several_normals(on: &Multipliers<'_>) -> Vec<Diagnostic> {
@@ -42,14 +38,19 @@ fn corners(on: &Multipliers<'_>, k: usize) -> Option<BTreeSet<u32>> {
         return None;
     }
     let trials: BTreeSet<usize> = own.iter().flat_map(|p| &p.law.trials).map(|s| s.field.index()).collect();
+    let mut beside = facets.clone();
+    beside.sort_unstable();
+    let near = SAME_PLACE * extent(on.mesh);
+    let node_at = |x: [f64; 3]| {
+        let is_there = |y: &[f64; 3]| (0..3).all(|d| (x[d] - y[d]).abs() <= near);
+        (0u32..).zip(space.node_coordinates()).find(|(_, y)| is_there(y)).map(|(node, _)| node)
+    };
     let mut found = BTreeSet::new();
     for v in trials.into_iter().filter(|v| on.fields[*v].n_components > 1) {
         let FieldSpace::Nodal(displacements) = &on.fields[v].space else { continue };
-        let mut beside = facets.clone();
-        beside.sort_unstable();
         let normals = node_normals(on.mesh, on.topology, displacements, facets, &beside);
         let ends = normals.into_iter().filter(|(node, list)| list.len() > 1 && !is_bound(on, v, *node));
-        found.extend(ends.filter_map(|(node, _)| node_at(on, space, displacements.node_coordinates()[node as usize])));
+        found.extend(ends.filter_map(|(node, _)| node_at(displacements.node_coordinates()[node as usize])));
     }
     Some(found)
 }
@@ -62,12 +63,6 @@ fn is_bound(on: &Multipliers<'_>, v: usize, node: u32) -> bool {
     (first..first + n).any(|dof| on.fixed.contains(&dof) || on.numbering.frames.of(dof).is_some())
 }
 
-/// The node of a multiplier at a place.
-fn node_at(on: &Multipliers<'_>, space: &Space, x: [f64; 3]) -> Option<u32> {
-    let Support::Facets(facets) = space.support() else { return None };
-    at_place(on.mesh, on.topology, space, facets, Spot { x, extent: extent(on.mesh) }).first().copied()
-}
-
 fn told(on: &Multipliers<'_>, k: usize, nodes: &BTreeSet<u32>) -> Option<Diagnostic> {
     let first = on.fields[k].node_position(*nodes.first()? as usize);
     let many = if nodes.len() == 1 { "1 node".to_owned() } else { format!("{} nodes", nodes.len()) };
@@ -76,6 +71,9 @@ fn told(on: &Multipliers<'_>, k: usize, nodes: &BTreeSet<u32>) -> Option<Diagnos
     let d = Diagnostic::new(Code::W424, text).at(on.script.fields[k].name.span, at);
     Some(
         d.note("it holds one combination of them: the corner moves, with an error of the size of the faces beside it")
-            .help("a multiplier for each smooth part of the surface, or one value a face (`DP0`) beside displacements of degree two"),
+            .help(
+                "a multiplier for each smooth part of the surface, or one value a face (`DP0`) beside displacements of \
+                 degree two",
+            ),
     )
 }

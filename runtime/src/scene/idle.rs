@@ -41,7 +41,7 @@ use crate::{
     space::Space,
     system::{FIXED, System, Tie},
 };
-use coarse::{Entities, Tangents, is_coarse};
+use coarse::{Readings, is_coarse};
 use directions::{Node, Split};
 
 /// What `wfl check` says of nodes whose sides are one: the multiplier and the reason.
@@ -89,15 +89,15 @@ pub(super) fn leave_out(
     if candidates.is_empty() {
         return Ok(Notes::new());
     }
-    let entities = candidates.iter().any(|c| c.coarse).then(|| Entities::new(system));
-    let numbers = numbers(system, &candidates, entities.as_ref());
+    let numbers = numbers(system, &candidates);
     let size = 1e-3 * extent(&system.mesh);
     let stick = couplings(system, contact, &numbers, Friction::Sticks, size)?;
     let slip = couplings(system, contact, &numbers, Friction::Slips, size)?;
-    let mut on = Tangents { matrices: &stick, numbers: &numbers, entities: entities.as_ref(), idle: BTreeSet::new() };
-    let nodes: Vec<Node> = candidates.iter().map(|candidate| Node::new(system, &mut on, candidate)).collect();
+    let mut nodes: Vec<Node> = candidates.iter().map(|c| Node::new(system, &numbers, &stick, c)).collect();
+    let mut readings = candidates.iter().any(|c| c.coarse).then(|| Readings::new(system, &stick, &numbers));
+    readings.iter_mut().for_each(|readings| readings.look_at(&mut nodes));
     let splits: Vec<Split> = (0..nodes.len()).map(|k| Split::new(system, &numbers, &slip, &nodes, k)).collect();
-    let plan = Plan::new(system, &on, &candidates, splits);
+    let plan = Plan::new(system, readings.as_ref(), &candidates, splits);
     let notes = plan.tell(script, system, &candidates, diagnostics);
     system.leave_out(plan.dropped, plan.ties, plan.frames)?;
     Ok(notes)
@@ -227,10 +227,13 @@ fn lives_on_one_side(space: &Space, topology: &Topology, facets: &[FacetRef]) ->
 
 /// Numbers for the dofs of all entities of terms with multipliers that hold a candidate, or any multiplier beside coarse
 /// ones.
-fn numbers(system: &System, candidates: &[Candidate], entities: Option<&Entities>) -> Vec<u32> {
+fn numbers(system: &System, candidates: &[Candidate]) -> Vec<u32> {
     let n = |c: &Candidate| system.fields[c.field].n_components;
     let mut wanted: BTreeSet<usize> = candidates.iter().flat_map(|c| c.first..c.first + n(c)).collect();
-    wanted.extend(entities.into_iter().flat_map(Entities::rows));
+    if candidates.iter().any(|c| c.coarse) {
+        let multipliers = (0..system.fields.len()).filter(|k| system.fields[*k].kind == FieldKind::Multiplier);
+        wanted.extend(multipliers.filter_map(|k| system.range(k)).flatten());
+    }
     let mut numbers = vec![FIXED; system.numbering.n_dofs];
     let mut next = 0;
     for term in system.terms.iter().filter(|t| has_multiplier(system, t)) {
@@ -259,7 +262,7 @@ struct Plan {
 }
 
 impl Plan {
-    fn new(system: &System, on: &Tangents<'_>, candidates: &[Candidate], splits: Vec<Split>) -> Self {
+    fn new(system: &System, readings: Option<&Readings>, candidates: &[Candidate], splits: Vec<Split>) -> Self {
         let mut plan = Self { frames: system.numbering.frames.list().to_vec(), ..Self::default() };
         let by_node: BTreeMap<(usize, u32), usize> =
             candidates.iter().enumerate().map(|(k, c)| ((c.field, c.node), k)).collect();
@@ -276,7 +279,7 @@ impl Plan {
             known = Some(axes.len());
             for (candidate, split) in candidates.iter().zip(&splits) {
                 for direction in &split.tied {
-                    leader(system, candidate, direction, &by_node, &splits, &mut axes);
+                    leader(system, candidate, direction, &by_node, &splits, &mut axes, &mut |_| true);
                 }
             }
         }
@@ -291,17 +294,17 @@ impl Plan {
                     plan.counts[k].0 += 1;
                     continue;
                 };
-                let leader = leader(system, candidate, direction, &by_node, &splits, &mut axes);
-                let entities = on.entities.filter(|_| candidate.coarse && axes.is_empty());
-                let can_lead = |leader: &usize| {
-                    followers.entry(*leader).or_default().push(follower);
-                    let can = entities.is_none_or(|e| e.can_lead(system, on, *leader, &followers));
+                let readings = readings.filter(|_| candidate.coarse && axes.is_empty());
+                let mut can_lead = |leader: usize| {
+                    followers.entry(leader).or_default().push(follower);
+                    let can = readings.is_none_or(|readings| readings.can_lead(leader, &followers));
                     if !can {
-                        followers.entry(*leader).or_default().pop();
+                        followers.entry(leader).or_default().pop();
                     }
                     can
                 };
-                if let Some(leader) = leader.filter(can_lead) {
+                if let Some(leader) = leader(system, candidate, direction, &by_node, &splits, &mut axes, &mut can_lead)
+                {
                     plan.ties.push(Tie { follower, leader });
                     plan.counts[k].1 += 1;
                 } else {
@@ -430,7 +433,7 @@ fn dof_along(first: usize, direction: &[f64], axes: Option<&Vec<Vec<f64>>>) -> O
 const ALIGNED: f64 = 1e-9;
 
 /// The dof that the direction of a candidate follows: of the nearest node of the field, over as few faces as possible,
-/// at which it is not idle.
+/// at which it is not idle and that can lead; of those further away none, if none of these can.
 fn leader(
     system: &System,
     candidate: &Candidate,
@@ -438,6 +441,7 @@ fn leader(
     by_node: &BTreeMap<(usize, u32), usize>,
     splits: &[Split],
     axes: &mut BTreeMap<usize, Vec<Vec<f64>>>,
+    can_lead: &mut dyn FnMut(usize) -> bool,
 ) -> Option<usize> {
     let FieldSpace::Nodal(space) = &system.fields[candidate.field].space else { return None };
     let n = system.fields[candidate.field].n_components;
@@ -464,6 +468,7 @@ fn leader(
         if ring.is_empty() {
             return None;
         }
+        let mut has_some = false;
         for node in &ring {
             let is_idle = by_node.get(&(candidate.field, *node)).is_some_and(|k| splits[*k].is_idle(direction));
             let first = start + *node as usize * n;
@@ -476,8 +481,14 @@ fn leader(
             }
             let found = dof_along(first, direction, axes.get(&first));
             if let Some(dof) = found.filter(|d| system.numbering.free[*d] != FIXED) {
-                return Some(dof);
+                has_some = true;
+                if can_lead(dof) {
+                    return Some(dof);
+                }
             }
+        }
+        if has_some {
+            return None;
         }
         seen.extend(ring);
     }

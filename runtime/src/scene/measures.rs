@@ -335,10 +335,13 @@ impl Measure {
         }
     }
 
-    /// Whether it samples an expression that reads the end of the previous step.
+    /// Whether it samples an expression that reads the end of the previous step, or the increment.
     #[must_use]
     pub fn reads_change(&self) -> bool {
-        matches!(self.taken, Taken::Points(..)) && self.reads_past()
+        match &self.taken {
+            Taken::Points(_, parts) => parts.iter().any(|(value, _)| value.reads_past() || value.reads_step()),
+            Taken::Reaction(_) | Taken::Balance(_) => false,
+        }
     }
 
     /// Where the expression is not finite, for a `value` that is not, at the state of the last [`Self::evaluate`].

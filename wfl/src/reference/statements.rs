@@ -119,7 +119,9 @@ pub(super) const ROWS: &[StatementRow] = &[
         usage: "`multiplier l : ... on f`",
         meaning: "a Lagrange multiplier. Components without a jump, or constrained by another multiplier, are \
                   dropped; one that friction depends on takes the value of the nearest node (W404), as all do at \
-                  the tips of a crack, where both sides are one node. `with crosspoints=keep` keeps all",
+                  the tips of a crack, where both sides are one node. Those of a lower degree than the displacements \
+                  stay where the jumps between their nodes determine them, and follow the nearest node elsewhere. \
+                  `with crosspoints=keep` keeps all",
         default: "",
     },
     StatementRow {
@@ -390,7 +392,7 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "expect",
         usage: "`expect condition`",
-        meaning: "a condition on measures and params; exit code 3 if it is false",
+        meaning: "a condition on measures, params and the step variable, at the last step; exit code 3 if it is false",
         default: "",
     },
     StatementRow {

@@ -267,6 +267,30 @@ fn faults_under_initial_stress_are_right_and_silent() {
     }
 }
 
+/// The same with the slip kept in a state, pulled up and back: what is left of the slip sticks, which the remembered slip
+/// does not change.
+#[test]
+fn faults_under_initial_stress_that_remember_their_slip_are_silent_when_they_turn_back() {
+    for form in ["total", "changes"] {
+        let text = prestressed(form, 10.0, 4.0, 0.02)
+            .replace(
+                "def x0 =",
+                "state slid : vector on fault := Previous_slid + (q - Ball_projection(q, bound))/gamma\ndef x0 =",
+            )
+            .replace(
+                "def force = pos_part(x0.Normal)*Normal + Ball_projection(tang(x0), 0.6*pos_part(x0.Normal))",
+                "def bound = 0.6*pos_part(x0.Normal)\ndef q = tang(x0) - gamma*Previous_slid\n\
+                 def force = pos_part(x0.Normal)*Normal + Ball_projection(q, bound)",
+            )
+            .replace("0.02*t] on east", "0.02*sin(pi/2*t)] on east")
+            .replace("steps t = 0 to 1 by 0.25", "steps t = 0 to 2 by 0.25");
+        let ran = run(&format!("prestress-turns-{form}"), &text, &[]);
+        assert!(ran.code == 0 && ran.codes().is_empty(), "{form}: {}", ran.text);
+        // slip stays where it was at its most, half of the pull
+        assert!((ran.last("slip") - 0.01).abs() < 1e-9, "{form}: {}", ran.text);
+    }
+}
+
 #[test]
 fn mistakes_under_initial_stress_are_told() {
     let right = prestressed("changes", 10.0, 4.0, 0.02);

@@ -59,9 +59,9 @@ impl System {
 
     /// A copy of these equations with another end of the previous step.
     #[must_use]
-    pub fn with_past(&self, past: &Past) -> Self {
+    pub fn with_past(&self, past: Option<&Past>) -> Self {
         let mut other = self.clone();
-        other.known.previous = Some(past.clone());
+        other.known.previous = past.cloned();
         other
     }
 

@@ -6,10 +6,8 @@
 
 use super::{
     super::constraints::{SAME_PLACE, extent},
-    Candidate,
-    coarse::Tangents,
-    entry,
-    vectors::{NONE, dot, null_space},
+    Candidate, entry,
+    vectors::{NONE, dot, null_space, unit},
 };
 use crate::{
     csr::Csr,
@@ -18,31 +16,31 @@ use crate::{
 
 /// One node with what its multiplier acts on.
 pub(super) struct Node {
-    first: usize,
-    n: usize,
+    pub(super) first: usize,
+    pub(super) n: usize,
     place: Vec<usize>,
     position: [f64; 3],
     /// Both sides are one: whatever the laws read, the traction goes on there.
     joined: bool,
     /// The multiplier is of lower degree than what it acts on.
-    coarse: bool,
+    pub(super) coarse: bool,
     /// Orthonormal directions that act on nothing.
-    idle: Vec<Vec<f64>>,
+    pub(super) idle: Vec<Vec<f64>>,
 }
 
 impl Node {
-    /// Looks at the tangents of sticking contact, of a coarse multiplier also at what is around the node; what is idle here
-    /// is so for the nodes that follow.
-    pub(super) fn new(system: &System, on: &mut Tangents<'_>, candidate: &Candidate) -> Self {
+    /// Looks at the tangents of sticking contact. Of a coarse multiplier the directions may be determined by what is around
+    /// the node.
+    pub(super) fn new(system: &System, numbers: &[u32], stick: &[Csr], candidate: &Candidate) -> Self {
         let field = &system.fields[candidate.field];
         let (first, n) = (candidate.first, field.n_components);
         let mut columns: Vec<Vec<f64>> = Vec::new();
         let mut acts = candidate.joined || candidate.coarse;
-        for matrix in on.matrices {
+        for matrix in stick {
             for reads in [true, false] {
                 let coupling = |c: usize, dof: usize| match reads {
-                    true => entry(matrix, on.numbers, first + c, dof),
-                    false => entry(matrix, on.numbers, dof, first + c),
+                    true => entry(matrix, numbers, first + c, dof),
+                    false => entry(matrix, numbers, dof, first + c),
                 };
                 let mut own: Vec<Vec<f64>> =
                     candidate.place.iter().map(|d| (0..n).map(|c| coupling(c, *d)).collect()).collect();
@@ -57,14 +55,9 @@ impl Node {
         }
         // a multiplier that no term couples with displacements is another matter
         let mut idle = if acts { null_space(n, &columns) } else { Vec::new() };
-        let axis = |k: usize| -> Vec<f64> { (0..n).map(|i| f64::from(u8::from(i == k))).collect() };
-        let beside: Vec<Vec<f64>> = candidate.shared.iter().map(|k| axis(*k)).collect();
+        let beside: Vec<Vec<f64>> = candidate.shared.iter().map(|k| unit(n, *k)).collect();
         idle.retain(|direction| beside.iter().all(|v| dot(v, direction).abs() <= 0.0));
         idle.extend(beside);
-        if let Some(entities) = on.entities.filter(|_| candidate.coarse) {
-            idle.retain(|direction| !entities.determine(system, on, candidate, direction));
-        }
-        on.idle.extend(idle.iter().filter_map(|v| (0..n).find(|k| v[*k].abs() >= 1.0)).map(|k| first + k));
         let position = field.node_position(candidate.node as usize);
         Self {
             first,

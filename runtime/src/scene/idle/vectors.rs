@@ -8,8 +8,7 @@ pub(super) const NONE: f64 = 1e-6;
 /// Orthonormal directions of `n` components to which all columns are orthogonal: axes first.
 pub(super) fn null_space(n: usize, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let meets = |v: &[f64]| columns.iter().fold(0.0f64, |m, c| m.max(dot(c, v).abs()));
-    let axis = |k: usize| -> Vec<f64> { (0..n).map(|i| f64::from(u8::from(i == k))).collect() };
-    let mut found: Vec<Vec<f64>> = (0..n).map(axis).filter(|v| meets(v) <= NONE).collect();
+    let mut found: Vec<Vec<f64>> = (0..n).map(|k| unit(n, k)).filter(|v| meets(v) <= NONE).collect();
     let mut products = DMatrix::<f64>::zeros(n, n);
     for c in columns.iter().chain(&found) {
         for i in 0..n {
@@ -26,6 +25,16 @@ pub(super) fn null_space(n: usize, columns: &[Vec<f64>]) -> Vec<Vec<f64>> {
         }
     }
     found
+}
+
+/// The unit vector along a component.
+pub(super) fn unit(n: usize, component: usize) -> Vec<f64> {
+    (0..n).map(|k| f64::from(u8::from(k == component))).collect()
+}
+
+/// The component that a unit vector is along; `None` of others.
+pub(super) fn axis(v: &[f64]) -> Option<usize> {
+    v.iter().position(|x| x.abs() >= 1.0)
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
