@@ -5,6 +5,7 @@ use std::path::Path;
 use wfl_tests::verification::{Case, Tolerance, assert_holds, benchmarks};
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn manufactured_solutions_have_the_errors_of_the_independent_program() {
     assert_holds("B12");
 }
@@ -60,6 +61,7 @@ fn a_wrong_number_is_noticed() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn pressed_cylinders_have_the_pressure_of_hertz() {
     assert_holds("B9");
 }
@@ -71,6 +73,7 @@ fn a_pressed_sphere_has_the_pressure_of_hertz() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn sheared_cylinders_stick_where_cattaneo_and_mindlin_say() {
     assert_holds("B11");
 }

@@ -102,6 +102,7 @@ fn a_scene_without_contact_and_displacements_is_not_looked_at() {
 
 /// The value found is twice the bound that the message of a small parameter names, and the scene is solved with it.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn an_automatic_parameter_is_safe() {
     let folder = examples().join("fault");
     let text = std::fs::read_to_string(folder.join("nitsche.wfl")).expect("examples can be read");

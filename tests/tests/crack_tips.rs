@@ -233,6 +233,7 @@ fn nodes_that_follow_are_in_no_layout() {
 
 /// The same numbers on ranks that have all of the mesh and on those that have parts.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn ranks_have_the_tips_of_one() {
     for text in [
         contact(["Q1", "Q1", "[12,12] quad"], 0.9),

@@ -361,6 +361,7 @@ fn an_aperture_that_grows_with_the_pressure_has_the_flux_of_its_closed_form() {
 
 /// The scenes of the examples against the numbers of the series, not only against those that stand in them.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn consolidation_and_slip_under_injection_are_those_of_the_references() {
     let run = |name: &str| {
         let path = examples().join(format!("poro/{name}.wfl"));

@@ -18,6 +18,7 @@ fn solved(name: &str, edits: &[(&str, &str)], params: &[(&str, f64)]) -> Solved 
 
 /// Transfinite cells are those of a box whose nodes are moved: every number must agree.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_mesh_file_gives_what_the_same_cells_of_a_box_give() {
     let file = solved("fault_2deg", &[], &[]);
     let region = |sign: &str| format!("cells where x {sign} (z-2)*tan(2*pi/180)*(1-abs(x))");
@@ -41,6 +42,7 @@ fn a_mesh_file_gives_what_the_same_cells_of_a_box_give() {
 
 /// The three methods differ by less than the mesh error, and loads and reactions balance.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn an_inclined_fault_of_thirty_degrees_is_in_equilibrium() {
     let mut forces = Vec::new();
     for name in LAWS {

@@ -366,6 +366,7 @@ measure speed = integral(Dot_u^2 + 0.01*rho*Dot2_u*x) on all
 ";
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn second_rates_in_every_scheme() {
     let schemes = "newmark beta=1/4 gamma=1/2; newmark beta=0.3025 gamma=0.6; bdf2; bdf3; generalised_alpha rho_inf=0.5; \
                    hht alpha=-0.1";

@@ -62,6 +62,7 @@ fn outputs<T: Real>(kernel: &VerifiedKernel, uniforms: &[f64], inputs: &[T]) -> 
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn machine_code_gives_the_bits_of_the_interpreter() {
     let jit = JitBackend::new().expect("machine code on this processor");
     let mut sequence = Sequence(0x1234_5678_9abc_def1);

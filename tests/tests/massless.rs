@@ -47,6 +47,7 @@ fn the_pressure_of_an_impact_does_not_oscillate_and_the_energy_is_kept() {
 /// Rigid motions and uniform strains have the energy that they had, in every kind of cell and with nodes between vertices:
 /// total mass, centre of mass and moments of inertia.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn affine_motions_keep_their_energy() {
     for (mesh, dim, family) in [
         ("mesh box [0,0] to [3,2] cells [5,4] tri", 2, "P"),
@@ -113,6 +114,7 @@ fn a_turned_body_moves_as_the_one_that_is_not() {
 /// Two equal bars collide: the pressure is half of rho c v0 until the waves come back, at t = 2. Bodies on both sides give
 /// their mass away, each to its own nodes; with equal steps, and with those that the run chooses.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn two_bodies_collide() {
     let text = |scheme: &str, steps: &str| {
         format!(

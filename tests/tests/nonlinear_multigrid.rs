@@ -101,6 +101,7 @@ fn contact_without_friction_has_symmetric_tangents_too() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn the_bits_are_those_of_any_number_of_threads() {
     let text = text(&Body { cells: "[5,4,4] tet", space: "P2", held: PULLED, ..BLOCK }, "cg, amg");
     let [one, others @ ..] = [1, 2, 3, 7].map(|threads| told(&outcome(&text, threads)));
@@ -127,6 +128,7 @@ fn tangents_without_a_matrix_have_the_measures_of_factors() {
 
 /// A column under several times the load at which it buckles: the straight state has directions of negative energy.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_factor_takes_over_where_tangents_are_not_positive_definite() {
     let held = "fix u = [0,0,0] on low\nfix u = [0,0,-0.2*t] on high\n";
     for (cells, space) in [("[3,3,60] hex", "Q1"), ("[2,2,20] hex", "Q2")] {
@@ -174,6 +176,7 @@ fn a_plane_body_is_iterated_on_request() {
 
 /// Four times as many unknowns, and a level more, take hardly more iterations for a solution.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn iterations_hardly_grow_with_refinement() {
     for (kind, space, coarse, fine) in [("hex", "Q1", 10, 16), ("tet", "P2", 5, 8)] {
         let [few, many] = [coarse, fine].map(|n| {

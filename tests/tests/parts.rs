@@ -403,6 +403,7 @@ output vtk \"r\" : u
 
 /// They have the results of one rank on up to seven, of which some have next to nothing.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn unseen_scenes() {
     for (what, text) in UNSEEN {
         let shared = Shared::text(&examples(), text.to_owned(), &[]);

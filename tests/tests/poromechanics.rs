@@ -75,6 +75,7 @@ const BLOCK: &str = "use \"poro\"\nuse \"elasticity\"\nparam alpha = 1\nparam s 
 
 /// Both sets of parameters at `c t/a^2 = 0.1`, and the peak of the pressure before.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_block_between_plates_has_the_pressures_of_mandel() {
     let series = reference("biot.json");
     for (case, storage) in [("mandel", 0.0), ("mandel_compressible", 1e-3)] {
@@ -220,6 +221,7 @@ const SLIPS: &str = "unknown u : scalar Q1\nunknown p : scalar Q1 on path\nmulti
 /// The front of slip and the slip in the middle in the plane, with a pressure that is solved for: ahead of the fluid and
 /// behind it.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn slip_runs_ahead_of_the_fluid_or_behind_it_in_the_plane() {
     let text = format!(
         "{CROWDED}param T = 0.5\nparam lambda = 1\nparam f_sigma = 1.5\nparam m = 160\n\
@@ -269,6 +271,7 @@ fn slip_around_a_well_has_the_front_of_its_closed_form() {
 /// The depleted reservoir of the examples under other bounds of the shear traction: free to slip, and locked where the
 /// bound is high. Faces have a length of 18.75.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_depleted_reservoir_slips_as_its_dislocations() {
     let text = std::fs::read_to_string(examples().join("poro/reservoir.wfl")).expect("the example");
     let own: String = text.lines().filter(|line| !line.starts_with("expect")).flat_map(|line| [line, "\n"]).collect();
@@ -318,6 +321,7 @@ fn lost(found: &Solved) -> Vec<(String, f64)> {
 
 /// What fluid flows in or out of the scenes of the examples, or is stored there, is lost nowhere: less than 1e-12 of it.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn the_examples_lose_nothing() {
     let mut count = 0;
     for path in files("examples/poro", "wfl") {
@@ -391,6 +395,7 @@ fn faults_that_cross_in_rock_share_their_flow() {
 /// Slow slip by injection, rate-and-state friction with steps by `auto`: slip, rate and pressure of dislocations, when the
 /// well is shut and at the end, within the errors of cells of 100 m and of steps of 1e-3.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn slow_slip_by_injection_is_that_of_dislocations() {
     let found = example("poro/slow_slip.wfl");
     let should = reference("injection_rate_state.json");

@@ -91,6 +91,7 @@ fn on_ranks(path: &str, edits: &[(&str, String)], ranks: usize) -> Vec<Assembled
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn ranks_have_the_residuals_and_tangents_of_one() {
     let smaller = [("cells [8, 8, 8]", "cells [4, 4, 4]".to_owned())];
     let massless = [("beta=0.2652 gamma=0.53", "massless=wall".to_owned())];

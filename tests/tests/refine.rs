@@ -125,6 +125,7 @@ fn an_interface_and_a_split_are_those_of_the_refined_mesh() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn groups_of_a_mesh_from_gmsh_are_refined_with_it() {
     let text = std::fs::read_to_string(examples().join("surfaces/penny.wfl"));
     let folder = examples().join("surfaces");

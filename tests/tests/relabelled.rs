@@ -133,11 +133,13 @@ fn numbers_of_triangles_change_nothing() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn numbers_of_hexahedra_change_nothing() {
     compare(BoxShape::Hexahedron, &[1]);
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn numbers_of_tetrahedra_change_nothing() {
     compare(BoxShape::Tetrahedron, &[1]);
 }

@@ -42,6 +42,7 @@ fn ran([multiplier, slip, contact]: [&str; 3], [pressed, moved]: [&str; 2], gamm
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_face_that_turns_back_takes_few_iterations_for_every_parameter() {
     for (method, load) in METHODS.into_iter().flat_map(|method| LOADS.map(|load| (method, load))) {
         for gamma in [1e3, 1e5, 1e7] {

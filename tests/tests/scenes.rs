@@ -39,6 +39,7 @@ fn solve(scene: &Path) -> Result<(), String> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn every_example_is_solved_and_its_expectations_hold() {
     let mut scenes = scene_files();
     assert!(scenes.len() >= 10, "the examples have gone");

@@ -204,6 +204,7 @@ fn smaller() -> Vec<(&'static str, String)> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn forward_and_adjoint_agree_in_small_examples() {
     for path in [
         "creep/kelvin.wfl",

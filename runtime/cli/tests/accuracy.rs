@@ -147,6 +147,7 @@ fn an_exact_solution_that_is_met_or_zero_has_no_ratio_of_errors() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn the_same_demand_gives_the_same_mesh_and_the_same_bits() {
     let out = folder("again");
     let scene = signorini(&out, "");

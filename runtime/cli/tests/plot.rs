@@ -365,6 +365,7 @@ fn of_two_runs_the_difference_is_drawn_or_both_along_a_line() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_film_has_a_picture_of_each_step() {
     let folder = Folder::new("plot-film");
     folder.run_with("E=100", "a");

@@ -61,6 +61,7 @@ fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_run_killed_at_any_moment_goes_on_to_the_same_bytes() {
     let folder = Folder::new("killed");
     let scene = fault(&folder);
@@ -112,6 +113,7 @@ output vtk "u" : u
 
 /// Velocities and accelerations pass from step to step.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_killed_run_with_inertia_and_contact_goes_on_to_the_same_bytes() {
     let folder = Folder::new("killed-rod");
     let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/dynamics/rod.wfl");
@@ -124,6 +126,7 @@ fn a_killed_run_with_inertia_and_contact_goes_on_to_the_same_bytes() {
 /// Images follow from the displacements; what points slid elastically, rates and the balance of energy pass from step to step, and
 /// so does what the choice of steps remembers.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_killed_run_of_bodies_that_slide_goes_on_to_the_same_bytes() {
     let text = r#"wfl 1
 use "sliding"

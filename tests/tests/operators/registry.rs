@@ -143,6 +143,7 @@ fn tangents_of_all_samples_are_the_differences_of_their_residuals() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn energies_of_all_samples_have_right_second_derivatives() {
     let backend = JitBackend::new().expect("machine code");
     let mut problems = Vec::new();

@@ -30,11 +30,13 @@ const RAYS: Way = Way { word: "raytrace", macros: "sliding", bump: 0.03 };
 const CLOSEST: Way = Way { word: "project", macros: "closest", bump: 0.0 };
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn random_scenes_slide_without_a_wrong_image() {
     slide(RAYS);
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn random_scenes_slide_at_closest_points() {
     slide(CLOSEST);
 }

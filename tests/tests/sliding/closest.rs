@@ -262,6 +262,7 @@ fn a_force_along_the_normal_of_the_image_keeps_both_momenta() {
 
 /// Each image is as near as any point of any face that is looked at, whatever the state.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn no_point_of_a_face_is_nearer_than_the_image() {
     let plane = blocks(5, "steps s = 0 to 1 by 1\n").replace("raytrace", "project");
     for (text, shift) in [

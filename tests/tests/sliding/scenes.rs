@@ -67,6 +67,7 @@ fn a_capstan_has_the_ratio_of_euler_and_eytelwein() {
 
 /// A disc on an incline rolls, or slides where that is steep: acceleration and angular acceleration are those of a rigid one.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn a_disc_rolls_or_slides_down_an_incline() {
     let (g, fric, end) = (1.0, 0.2, 2.4);
     let mild = std::f64::consts::PI / 9.0;
@@ -90,6 +91,7 @@ fn a_disc_rolls_or_slides_down_an_incline() {
 /// The force between involute teeth goes along the common tangent of the base circles: torques are as numbers of teeth are,
 /// in each state nearly (edges of tips touch, too), and over a pitch better.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn gears_have_torques_as_their_numbers_of_teeth() {
     let found = example("gears.wfl", &[]);
     assert!(found.outcome.warnings.is_empty(), "{:?}", doubts(&found.outcome));

@@ -327,6 +327,7 @@ fn on_disc(gamma: f64) -> String {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn an_obstacle_that_is_a_formula_has_the_bound_of_a_flat_one() {
     let right = run("disc-100", &on_disc(100.0), &[]);
     assert!(right.code == 0 && !right.tells("W503"), "{}", right.text);

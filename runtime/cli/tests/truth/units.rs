@@ -209,6 +209,7 @@ fn assert_same(name: &str, scene: &str, measures: &[(&str, &str)]) {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn faults_that_slide_are_the_same_in_all_units() {
     let nitsche = |theta: &str| {
         let contact = format!("nitsche_sliding(uL, uR, slid, gamma, {theta}, bound)");
@@ -235,6 +236,7 @@ fn faults_that_slide_are_the_same_in_all_units() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn bodies_in_time_are_the_same_in_all_units() {
     let (newmark, explicit) =
         ("scheme newmark\nsteps t = 0 to 3*L/c by L/c/100 [s]", "scheme explicit\nsteps t = 0 to 3*L/c by auto [s]");
