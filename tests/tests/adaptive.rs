@@ -308,6 +308,31 @@ fn steps_one_by_one_have_the_bits_of_a_run() {
     assert_eq!(n, known.steps.len());
 }
 
+/// A bar at rest that another one meets: its first displacement is small beside that of the other, whether the two are one
+/// unknown or have their own.
+#[test]
+fn a_body_at_rest_that_is_met_needs_no_other_steps_as_an_unknown_of_its_own() {
+    let scene = |both: &str, [a, b]: [&str; 2], start: &str| {
+        outcome(&format!(
+            "wfl 1\nmesh box [0,0] to [2.1,0.1] cells [42,1] quad with idle_cells=allowed\n\
+             region left = cells where x < 1\nregion right = cells where x > 1.1\n\
+             region both = cells where x < 1 or x > 1.1\nregion fl = faces of left where x == 1\n\
+             region fr = faces of right where x == 1.1\nmapping m = raytrace from fl onto fr within 0.2\n{both}\n\
+             term left on left : 1000*Sym(Grad_{a}):Grad_Test_{a} + 2*Dot2_{a}.Test_{a}\n\
+             term right on right : 1000*Sym(Grad_{b}):Grad_Test_{b} + 2*Dot2_{b}.Test_{b}\n\
+             def gap = (Interpolate(X, m) + Interpolate({b}, m) - X - {a}).Normal\n\
+             term contact on fl : 1e5*pos_part(-gap)*((Test_{a} - Interpolate(Test_{b}, m)).Normal)\n\
+             start Dot_{a} = [{start}, 0]\nscheme newmark\nsteps t = 0 to 0.2 by auto with error=1e-3\n\
+             measure p = integral(Dot_{b}(1)) on right\n"
+        ))
+    };
+    let one = scene("unknown u : vector on both", ["u", "u"], "if x < 1.05 then 1 else 0");
+    let two = scene("unknown a : vector on left\nunknown b : vector on right", ["a", "b"], "1");
+    assert_eq!(one.steps.len(), two.steps.len());
+    let last = |outcome: &Outcome| outcome.steps.last().expect("a step").measures[0].1;
+    assert!(last(&one) > 0.09 && (last(&one) - last(&two)).abs() < 1e-9, "{} {}", last(&one), last(&two));
+}
+
 #[test]
 fn a_limit_that_is_no_positive_number_is_told_and_limits_nothing() {
     let limited = |limit: &str| outcome(&forced(1.0, &format!("steps t = 0 to 2 by auto with limit={limit}")));

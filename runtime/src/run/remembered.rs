@@ -74,12 +74,10 @@ impl Adaptive {
             return None;
         }
         let team = scene.system.team();
-        let own_size = |range: &Range<usize>| solution[range.clone()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        let size = |range: &Range<usize>| team.largest(own_size(range));
         let rates = scene.system.rates();
+        let scales = self.scales_of_alike(scene, rules, solution);
         let mut errors = Errors::default();
-        for (field, (range, scale)) in rules.fields.iter().zip(ranges(scene, rules).zip(&self.scales)) {
-            let scale = scale.max(size(&range));
+        for (field, (range, scale)) in rules.fields.iter().zip(ranges(scene, rules).zip(scales)) {
             let own = rounding.get(range.clone()).unwrap_or_default();
             let rounded = ROUNDED * team.largest(own.iter().fold(0.0f64, |m, v| m.max(v.abs())));
             let error = |order: usize, method: f64| {
@@ -104,6 +102,21 @@ impl Adaptive {
             }
         }
         Some(errors)
+    }
+
+    /// By field that counts the largest value that it has had, or one of the same unit and size: a body at rest that another
+    /// one meets has its first displacement, which is small beside that of the other, as one body of one field would have.
+    fn scales_of_alike(&self, scene: &Solving<'_>, rules: &Auto, solution: &[f64]) -> Vec<f64> {
+        let size = |range: Range<usize>| solution[range].iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let mut own: Vec<f64> = ranges(scene, rules).map(size).collect();
+        scene.system.team().max(&mut own);
+        own.iter_mut().zip(&self.scales).for_each(|(own, before)| *own = own.max(*before));
+        let among = |field: usize| {
+            let others = rules.fields.iter().zip(&own);
+            let alike = others.filter(|(other, _)| scene.system.alike(**other) == scene.system.alike(field));
+            alike.fold(0.0f64, |m, (_, size)| m.max(*size))
+        };
+        rules.fields.iter().map(|field| among(*field)).collect()
     }
 }
 
