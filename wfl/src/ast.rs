@@ -37,6 +37,17 @@ pub enum OptionValue {
     Expr(Expr),
 }
 
+/// What becomes of components of a multiplier that no jump determines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Crosspoints {
+    /// They are zero.
+    Drop,
+    /// They have the value of the nearest node.
+    Follow,
+    /// They stay unknowns.
+    Keep,
+}
+
 /// Shapes a box is cut into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BoxShape {

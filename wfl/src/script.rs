@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use crate::{
-    ast::{AtSteps, BalancePart, Differentiated, Reduction, Refine, RegionExpr, Space, Target, Unit},
+    ast::{AtSteps, BalancePart, Crosspoints, Differentiated, Reduction, Refine, RegionExpr, Space, Target, Unit},
     ast::{
         Cond, Domain, Expansions, Expr, ExprKind, Ident, MappingKind, MeasureAt, MeshSource, OptionItem, QuadratureRule,
     },
@@ -244,8 +244,8 @@ pub enum FieldKind {
     Unknown,
     /// Solved for; components that cannot act are dropped.
     Multiplier {
-        /// `with crosspoints=keep`: nothing is dropped.
-        keep_crosspoints: bool,
+        /// What becomes of components that cannot act.
+        crosspoints: Crosspoints,
     },
     /// Known.
     Data {

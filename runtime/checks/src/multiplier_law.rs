@@ -17,6 +17,7 @@ use wfl_compiler::{
 
 use super::Solved;
 use wfl_discrete::assemble::{AssembledTerm, FieldValues};
+use wfl_sparse::csr::Csr;
 
 /// What a law asks is rounding below this part of what it asks of twice the multiplier: a value of a formula is known
 /// to some hundred roundoffs.
@@ -51,7 +52,7 @@ impl Solved<'_> {
             .collect()
     }
 
-    /// The largest force of a multiplier at some node; `None` where the tangent has none, with what does not change.
+    /// The largest force of a multiplier at some node; `None` where it has none.
     fn force_of(&self, field: usize) -> Option<f64> {
         let slices = self.system.slices(self.u);
         let largest = self.system.team().largest(slices[field].iter().fold(0.0f64, |m, x| m.max(x.abs())));
@@ -60,9 +61,13 @@ impl Solved<'_> {
             self.system.numbering.free_dofs.iter().map(|d| self.system.field_of(*d as usize)).collect();
         let mut acts = 0.0f64;
         for (row, _) in fields.iter().enumerate().filter(|(_, f)| unknown(f)) {
-            let (columns, values) = self.tangent.changing.row(row);
-            let own = columns.iter().zip(values).filter(|(c, _)| fields[**c as usize] == field);
-            acts = own.fold(acts, |m, (_, value)| m.max(value.abs()));
+            // an operator without a matrix holds bodies alone
+            let whole = |matrix: &&Csr| matrix.n_rows() == fields.len();
+            for matrix in [self.system.bulk(), &self.tangent.changing].into_iter().filter(whole) {
+                let (columns, values) = matrix.row(row);
+                let own = columns.iter().zip(values).filter(|(c, _)| fields[**c as usize] == field);
+                acts = own.fold(acts, |m, (_, value)| m.max(value.abs()));
+            }
         }
         let acts = self.system.team().largest(acts);
         (acts > 0.0).then_some(acts * largest)

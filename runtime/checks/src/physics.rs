@@ -5,7 +5,7 @@
 
 use wfl_compiler::{
     Class,
-    types::{FieldKind, Side},
+    types::{FieldKind, Side, UniformSlot},
 };
 
 use super::{
@@ -14,7 +14,7 @@ use super::{
     multiplier_law::LawDefect,
 };
 use wfl_contact::{Alternation, ContactGaps, Look, Moved, PressedFaces, contact_gaps};
-use wfl_discrete::assemble::TermError;
+use wfl_discrete::assemble::{AssembledTerm, TermError};
 use wfl_discrete::field::FieldSpace;
 use wfl_discrete::finite::{largest, position as position_of, short};
 use wfl_discrete::system::{Form, System};
@@ -37,6 +37,12 @@ const AGAINST: f64 = 0.25;
 /// Traction outside the friction cone, in parts of traction and radius. What a coarse mesh leaves between the points at
 /// which a law holds was seen to be below a tenth; a term that loses its friction leaves nearly all.
 const OUTSIDE: f64 = 0.5;
+/// All displacements are moved by this part of the extent of the mesh to see whether that strains the cells: far more than
+/// rounding, and far less than what turns a law of large strains.
+const MOVED: f64 = 1e-6;
+/// A motion of all displacements with forces below this part of those of one that strains each cell strains none: rounding. Around
+/// an axis it is the square of a cell over the radius, at least 1e-5 for a hundred and fifty cells.
+const RIGID: f64 = 1e-6;
 /// Displacements below this part of the extent of the mesh are rounding: positions are known no better.
 const UNMOVED: f64 = 1e-12;
 /// Forces below this part of what cancels in them are rounding: some units of it, as Newton's method takes them.
@@ -340,13 +346,22 @@ fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsChe
     let forces = at(u)?;
     let about = About::Term(system.terms[term].law.name.clone());
     let name = format!("action and reaction of `{}`", system.terms[term].law.name);
-    let (mut sum, mut size) = summed(system, &forces, None);
+    let every = [true; 3];
+    let (mut sum, mut size) = summed(system, &forces, None, every);
     if share(sum, size) > BALANCE {
-        (sum, size) = summed(system, &forces, Some(&at(&vec![0.0; u.len()])?));
+        (sum, size) = summed(system, &forces, Some(&at(&vec![0.0; u.len()])?), every);
+    }
+    if share(sum, size) > BALANCE {
+        // across an axis of revolution a motion of all is a strain, with forces of its own
+        let rigid = rigid_translations(system, u);
+        if rigid != every {
+            let loads = at(&vec![0.0; u.len()])?;
+            (sum, size) = (summed(system, &forces, Some(&loads), rigid).0, size);
+        }
     }
     if share(sum, size) > BALANCE {
         // a motion that is no rigid one: of both sides together the forces are the stiffness times the motion
-        let (_, cancels) = summed(system, &at(&scrambled(system, u))?, None);
+        let (_, cancels) = summed(system, &at(&scrambled(system, u))?, None, every);
         if sum <= ROUNDED * cancels {
             return Some(PhysicsCheck::untested(name, about, BALANCE, "the two sides move as one"));
         }
@@ -360,8 +375,39 @@ fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsChe
     })
 }
 
-/// The sum of forces less loads on all displacements, its largest component, and the sum of their magnitudes.
-fn summed(system: &System, forces: &[f64], loads: Option<&[f64]>) -> (f64, f64) {
+/// By direction whether cells have no forces where all displacements are moved by the same in it, beside those of a motion that
+/// strains each cell. Terms with rates have forces of inertia, and do not count.
+fn rigid_translations(system: &System, u: &[f64]) -> [bool; 3] {
+    let displacements = displacement_groups(system).concat();
+    let is_rate = |slot: &UniformSlot| matches!(slot, UniformSlot::Rate(_) | UniformSlot::TimeStep);
+    let counts = |t: &&AssembledTerm| {
+        let moves = t.law.tests.iter().any(|s| displacements.contains(&s.field.index()));
+        t.on_cells() && moves && t.law.class > Class::Constant && !t.law.prologue.slots.iter().any(is_rate)
+    };
+    let terms: Vec<&AssembledTerm> = system.terms.iter().filter(counts).collect();
+    let (dim, size) = (system.mesh.dim(), MOVED * system.extent());
+    let response = |moved: &dyn Fn(usize, usize) -> f64| -> Option<f64> {
+        let mut end = u.to_vec();
+        for range in displacements.iter().filter_map(|f| system.range(*f)) {
+            range.enumerate().for_each(|(n, d)| end[d] += size * moved(n % dim, d));
+        }
+        let [mut before, mut behind] = [vec![0.0; u.len()], vec![0.0; u.len()]];
+        for term in &terms {
+            system.residual_of(term, u, &mut before).ok()?;
+            system.residual_of(term, &end, &mut behind).ok()?;
+        }
+        Some(system.team().largest(largest(before.iter().zip(&behind).map(|(a, b)| a - b))))
+    };
+    let signs = scrambled(system, &vec![1.0; u.len()]);
+    let strained = response(&|_, d| signs[d]);
+    [0, 1, 2].map(|direction| {
+        let moved = response(&|component, _| f64::from(u8::from(component == direction)));
+        direction >= dim || moved.zip(strained).is_none_or(|(moved, strained)| moved <= RIGID * strained)
+    })
+}
+
+/// The sum of forces less loads on all displacements, its largest component of some directions, and the sum of their magnitudes.
+fn summed(system: &System, forces: &[f64], loads: Option<&[f64]>, directions: [bool; 3]) -> (f64, f64) {
     let dim = system.mesh.dim();
     let (mut sums, mut size) = (vec![0.0; dim], 0.0);
     for range in displacement_groups(system).iter().flatten().filter_map(|f| system.range(*f)) {
@@ -372,7 +418,8 @@ fn summed(system: &System, forces: &[f64], loads: Option<&[f64]>) -> (f64, f64) 
         }
     }
     system.team().sum(&mut sums);
-    (largest(sums), system.team().total(size))
+    let own = sums.into_iter().zip(directions).filter(|(_, counts)| *counts).map(|(sum, _)| sum);
+    (largest(own), system.team().total(size))
 }
 
 /// Numbers of the sizes of `u` with signs that follow no motion.

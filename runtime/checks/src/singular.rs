@@ -99,6 +99,22 @@ impl Examined<'_> {
         own.map(|t| format!("`{}`", t.law.name)).collect()
     }
 
+    /// What to do where equations of a field are empty: all may be of terms that read through a mapping.
+    fn help_for_empty(&self, field: usize) -> String {
+        let tests = |t: &&wfl_discrete::assemble::AssembledTerm| {
+            t.law.class > Class::Constant && t.law.tests.iter().any(|s| s.field.index() == field)
+        };
+        if self.system.terms.iter().filter(tests).all(|t| t.law.listing.graph.mapping.is_some()) {
+            let name = &self.system.fields[field].name;
+            return format!(
+                "the law is not there where its mapping has no image: what does not read through the mapping is a term \
+                 of its own, `term rest on ... : -1/gamma*{name}.Test_{name}`"
+            );
+        }
+        "a coefficient is zero there, or a law is inactive: give it a value, or start from a state in which it acts"
+            .to_owned()
+    }
+
     /// Fields with equations, or unknowns, that are zero.
     fn empty_equations(&self, sizes: &LargestEntries) -> Option<Singular> {
         for (field, f) in self.system.fields.iter().enumerate() {
@@ -134,9 +150,7 @@ impl Examined<'_> {
                     help,
                 )
             } else if rows > 0 {
-                let help = "a coefficient is zero there, or a law is inactive: give it a value, or start from a state \
-                            in which it acts"
-                    .to_owned();
+                let help = self.help_for_empty(field);
                 (
                     format!(
                         "{} no equation for `{name}` at {} of its unknowns",

@@ -262,7 +262,7 @@ warning[W404]: 5 nodes of `lambda` have no jump and are dropped
 21 | multiplier lambda : vector on fault
    |            ^^^^^^ the displacements of both sides are prescribed
    |
-   = note: they would make the system singular in stick; `with crosspoints=keep` keeps them
+   = note: they would make the system singular in stick, and are zero; `with crosspoints=follow` they have the value of the nearest node, `with crosspoints=keep` they stay
 "#,
     ),
     (

@@ -116,6 +116,24 @@ impl ContactTerm {
         }
     }
 
+    /// Balls without a radius slip, by nothing.
+    pub(super) fn let_go(&self, system: &System, values: FieldValues<'_>, data: &mut TermBranches) {
+        let mut current: Vec<&[f64]> = values.current.to_vec();
+        let known = data.clone();
+        known.stand_in(self.field, &mut current);
+        let state = self.read(&system.mesh, FieldValues { current: &current, ..values });
+        *data = self.carried(data, &state.names).into_owned();
+        for (data, out) in data.points.chunks_exact_mut(self.sizes.point).zip(state.points()) {
+            let balls = self.projections.iter().filter(|p| p.kind == ProjectionKind::Ball);
+            for p in balls.filter(|p| out[p.output + p.n] <= 0.0) {
+                p.branch.slip(data);
+                let slip = p.branch.slip_mut(data);
+                *slip.across = 0.0;
+                slip.along.fill(0.0);
+            }
+        }
+    }
+
     /// Closed and sticking.
     fn stick_point(&self, point: &mut [f64]) {
         self.projections.iter().for_each(|p| p.branch.stick(point));

@@ -292,7 +292,7 @@ impl<'a> Pass<'a> {
         };
         // of a fault under initial stress the force of the law is more than that of the term
         let mut open = Vec::new();
-        if self.term.acts_when_open {
+        if self.term.acts_when_open && !self.force_is_a_multiplier() {
             self.term.open_fluxes(self.system, self.values, |flux| open.push(flux));
         }
         term.for_each_flux(&self.system.mesh, self.values, |flux, weight| {
@@ -320,6 +320,19 @@ impl<'a> Pass<'a> {
         self.system.team().sum(&mut sums);
         let [taken, size, bound] = sums;
         FrictionWork { taken, size, bound: bound * self.system.team().largest(largest) }
+    }
+
+    /// Whether the forces on displacements are multipliers and read nothing else, the law of which stands in the same term:
+    /// what acts where the law is open is that force, too.
+    fn force_is_a_multiplier(&self) -> bool {
+        let law = &self.system.terms[self.term.term].law;
+        let kind = |slot: &BasisSlot| self.system.fields[slot.field.index()].kind;
+        let of_forces = law.entries.iter().filter_map(|(test, trial)| {
+            let (test, trial) = (&law.tests[usize::from(*test)], &law.trials[usize::from(*trial)]);
+            is_displacement(&self.system.fields, test).then(|| kind(trial))
+        });
+        let mut of_forces = of_forces.peekable();
+        of_forces.peek().is_some() && of_forces.all(|kind| kind == FieldKind::Multiplier)
     }
 
     /// Adds to what points that stick have lost, three numbers a point. `None` for a law that has lost nothing so far.

@@ -327,6 +327,13 @@ impl Contact {
         self.active = self.chosen(system, u, |_, _, _| {});
     }
 
+    /// The branches of the terms as they are written at `u`, but that balls without a radius, of points that are open, hold
+    /// nothing: as written they stick where their argument is zero, too.
+    #[must_use]
+    pub fn written_at(&self, system: &System, u: &[f64]) -> ActiveSet {
+        self.chosen(system, u, |term, values, data| term.let_go(system, values, data))
+    }
+
     /// The active set at `u` with all points closed and sticking: bodies that are tied together.
     #[must_use]
     pub fn tied(&self, system: &System, u: &[f64]) -> ActiveSet {

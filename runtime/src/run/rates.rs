@@ -11,7 +11,7 @@ use crate::{
     rates::{RateFactors, Rates},
     scene::{Explicit, Solving, node_positions},
     solve::{CheckedLlt, CheckedLu, LinearSolver, SolverOptions, Symmetry},
-    system::{Branches, FIXED, Form, System, SystemError},
+    system::{ActiveSet, Branches, FIXED, Form, System, SystemError},
     window::Window,
 };
 use wfl_compiler::types::RateForm;
@@ -194,23 +194,100 @@ fn highest(
     at: Window,
     known: [&[f64]; 2],
 ) -> Result<(Vec<f64>, bool), NewtonError> {
-    let mut rhs = Vec::new();
-    let held = tangent(scene, u, at)?;
-    let residual = scene.system.residual(u, &Form::AS_WRITTEN)?;
-    scene.system.numbering.gather(&residual.values, &mut rhs);
-    // each rank solves the whole system: the others have their rows, and zeros in those of this one
-    scene.system.team().sum(&mut rhs);
-    let mass = mass(scene, u, at, &held)?;
-    let mut base = vec![0.0; u.len()];
+    let (mass, [first, second]) = settled(scene, u, at, known)?;
+    let mut out = vec![0.0; u.len()];
     for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
-        let from = if of.form == RateForm::Second { known[1] } else { known[0] };
-        base[of.dofs.clone()].copy_from_slice(&from[of.dofs.clone()]);
+        let from = if of.form == RateForm::Second { &second } else { &first };
+        out[of.dofs.clone()].copy_from_slice(&from[of.dofs.clone()]);
     }
-    rhs.iter_mut().for_each(|r| *r = -*r);
-    let found = mass.rates(&rhs, As::Written)?;
-    let mut out = base.clone();
-    scene.system.numbering.advance(&base, &found, 1.0, &mut out);
     Ok((out, !mass.leaves_some_out()))
+}
+
+/// How often contact may change before its branches where time starts are taken as they are: each change is a factor, and a
+/// few rings of points change at most.
+const MOST_CHANGES: usize = 30;
+/// A part of the first increment in which rates lead to the motion that is looked at.
+const JUST_BEHIND: f64 = 1.0 / 1024.0;
+/// The part of that motion, and of the change of the multipliers with it, by which points leave a kink that they stand on: far above
+/// rounding, and so little that no other point reaches one.
+const HARDLY: f64 = 1.0 / 1_048_576.0;
+
+/// The mass, and the rates with what the equations make of the highest ones: a Newton iteration over the rates and the
+/// multipliers, of known ones. Where points of contact touch without a force, or are open within the bound of friction zero,
+/// the law as it is written holds them; its branches are those just behind the start.
+fn settled(
+    scene: &mut Solving<'_>,
+    u: &[f64],
+    at: Window,
+    known: [&[f64]; 2],
+) -> Result<(Mass, [Vec<f64>; 2]), NewtonError> {
+    let mut set: Option<ActiveSet> = None;
+    let mut changes = 0;
+    loop {
+        let branches = set.as_ref().map_or(Branches::AsWritten, Branches::Frozen);
+        let held = tangent(scene, u, at, branches)?;
+        let residual = scene.system.residual(u, &Form { branches, ..Form::AS_WRITTEN })?;
+        let mut rhs = Vec::new();
+        scene.system.numbering.gather(&residual.values, &mut rhs);
+        // each rank solves the whole system: the others have their rows, and zeros in those of this one
+        scene.system.team().sum(&mut rhs);
+        rhs.iter_mut().for_each(|r| *r = -*r);
+        let mass = mass(scene, u, at, &held, branches)?;
+        let found = match mass.changes(&rhs, As::Written) {
+            Ok(found) => found,
+            // rounding may hold some components of points without a force and let others go
+            Err(_) if set.is_none() && !scene.contact.is_empty() => {
+                set = Some(scene.contact.opened());
+                continue;
+            }
+            Err(failed) => return Err(failed),
+        };
+        let (rates, ahead) = ahead(scene.system, [u, known[0], known[1]], &mass, &found, JUST_BEHIND * at.increment);
+        changes += 1;
+        if scene.contact.is_empty() || changes > MOST_CHANGES {
+            return Ok((mass, rates));
+        }
+        let next = scene.contact.written_at(scene.system, &ahead);
+        let stays = match &set {
+            Some(set) => *set == next,
+            None => tangent(scene, u, at, Branches::Frozen(&next))?.values() == held.values(),
+        };
+        // ranks go on together
+        if scene.system.team().all(stays) {
+            return Ok((mass, rates));
+        }
+        set = Some(next);
+    }
+}
+
+/// First and second rates with a change of the highest ones, and a state on the way that they lead, with the multipliers that
+/// go with them.
+fn ahead(
+    system: &System,
+    [u, first, second]: [&[f64]; 3],
+    mass: &Mass,
+    found: &[f64],
+    time: f64,
+) -> ([Vec<f64>; 2], Vec<f64>) {
+    let part = |of_rates: bool| -> Vec<f64> {
+        found.iter().zip(&mass.rated).map(|(x, rated)| if *rated == of_rates { *x } else { 0.0 }).collect()
+    };
+    let [mut first, mut second] = [first, second].map(<[f64]>::to_vec);
+    let mut behind = u.to_vec();
+    system.numbering.advance(u, &part(false), 1.0, &mut behind);
+    let of_rates = part(true);
+    for of in system.rates().into_iter().flat_map(Rates::fields) {
+        let highest = if of.form == RateForm::Second { &mut second } else { &mut first };
+        let before = highest.clone();
+        let mut all = before.clone();
+        system.numbering.advance(&before, &of_rates, 1.0, &mut all);
+        highest[of.dofs.clone()].copy_from_slice(&all[of.dofs.clone()]);
+        for d in of.dofs.clone() {
+            behind[d] = u[d] + time * (first[d] + 0.5 * time * second[d]);
+        }
+    }
+    behind.iter_mut().zip(u).for_each(|(x, start)| *x = start + HARDLY * (*x - start));
+    ([first, second], behind)
 }
 
 /// What the equations multiply the highest rates by where time starts, over the free unknowns.
@@ -227,16 +304,21 @@ pub(crate) struct Mass {
 impl Mass {
     /// The highest rates of forces, by free number; zero for what has no rate or no mass.
     pub(crate) fn rates(&self, forces: &[f64], form: As) -> Result<Vec<f64>, NewtonError> {
-        let Self { matrix, scale, rated, massless, root, symmetry } = self;
+        let mut found = self.changes(forces, form)?;
+        found.iter_mut().zip(&self.rated).filter(|(_, rated)| !**rated).for_each(|(x, _)| *x = 0.0);
+        Ok(found)
+    }
+
+    /// The highest rates of forces, and what has none itself: multipliers.
+    fn changes(&self, forces: &[f64], form: As) -> Result<Vec<f64>, NewtonError> {
+        let Self { matrix, scale, massless, root, symmetry, .. } = self;
         let of = |(k, force): (usize, &f64)| if massless[k] { 0.0 } else { force * scale[k] };
         let rhs: Vec<f64> = forces.iter().enumerate().map(of).collect();
         let mut found = match (form, symmetry) {
             (As::Transposed, Symmetry::General) => mass_solution(&matrix.transpose(), *symmetry, &rhs)?,
             _ => mass_solution(matrix, *symmetry, &rhs)?,
         };
-        for (x, rated) in found.iter_mut().zip(rated) {
-            *x = if *rated { root * *x } else { 0.0 };
-        }
+        found.iter_mut().for_each(|x| *x *= root);
         Ok(found)
     }
 
@@ -248,19 +330,30 @@ impl Mass {
 
 /// The same at the state `u` where time starts, which `at` ends with the increment of the first step.
 pub(crate) fn mass_at_start(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<Mass, NewtonError> {
-    let held = tangent(scene, u, at)?;
-    mass(scene, u, at, &held)
+    let mut known = [vec![0.0; u.len()], vec![0.0; u.len()]];
+    for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
+        for (rates, kept) in known.iter_mut().zip(&of.kept).filter(|(_, kept)| !kept.is_empty()) {
+            rates[of.dofs.clone()].copy_from_slice(kept);
+        }
+    }
+    Ok(settled(scene, u, at, [&known[0], &known[1]])?.0)
 }
 
 /// From the tangent at rates that are held.
-fn mass(scene: &mut Solving<'_>, u: &[f64], at: Window, held: &Csr) -> Result<Mass, NewtonError> {
+fn mass(
+    scene: &mut Solving<'_>,
+    u: &[f64],
+    at: Window,
+    held: &Csr,
+    branches: Branches<'_>,
+) -> Result<Mass, NewtonError> {
     #[expect(clippy::cast_possible_truncation, reason = "an exponent")]
     let exponent = WEIGHT - at.increment.abs().log2().floor() as i32;
     let (weight, root) = (2.0f64.powi(2 * exponent), 2.0f64.powi(exponent));
     if let Some(rates) = scene.system.rates_mut() {
         rates.probe(RateFactors { rate: weight, velocity: 0.0, acceleration: weight });
     }
-    let weighted = tangent(scene, u, at)?;
+    let weighted = tangent(scene, u, at, branches)?;
     scene.system.hold_rates();
     let mut has_rate = vec![false; u.len()];
     for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
@@ -306,11 +399,11 @@ fn highest_by_diagonal(
 }
 
 /// The whole tangent over the free unknowns at the present rates.
-fn tangent(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<Csr, NewtonError> {
+fn tangent(scene: &mut Solving<'_>, u: &[f64], at: Window, branches: Branches<'_>) -> Result<Csr, NewtonError> {
     scene.system.begin_step(at)?;
     scene.contact.begin_step(scene.system.step());
     let mut changing = scene.system.new_tangent();
-    scene.system.tangent(u, Branches::AsWritten, &mut changing)?;
+    scene.system.tangent(u, branches, &mut changing)?;
     let own = scene.system.bulk().plus(&changing.changing).map_err(SystemError::from)?;
     Ok(scene.system.whole(own).map_err(SystemError::from)?)
 }

@@ -83,7 +83,8 @@ impl Builder<'_> {
                 continue;
             };
             self.mesh.check_whole(|| {
-                low_rules::check(self.script, &placed, &domain, &self.fields, self.diagnostics);
+                let made = low_rules::Made { domain: &domain, rule: choice };
+                low_rules::check(self.script, &placed, made, &self.fields, self.diagnostics);
             });
             let slots = LawSlots { inputs: &placed.law.inputs, tests: &placed.law.tests, trials: &placed.law.trials };
             match Binding::new(&self.mesh, &domain, &self.fields, slots) {

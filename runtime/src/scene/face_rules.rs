@@ -146,6 +146,11 @@ fn choice(parts: Parts<'_>, laws: &[&PlacedLaw]) -> Option<RuleChoice> {
     if fields.iter().any(broken) {
         return None;
     }
+    // corners of triangles have no point of their own from degree two on, and multipliers there no equation
+    let triangles = facets.iter().any(|f| parts.mesh.facet_kind(*f) == CellKind::Triangle);
+    if triangles && fields.iter().any(|f| f.kind == FieldKind::Multiplier && f.degree() > 1) {
+        return None;
+    }
     let degree = fields.iter().map(|f| f.degree()).max()?;
     // what is tested there, and what shares the points for the sake of a state, has its nodes there, too
     let bound = laws.iter().filter(|l| is_bound(&l.law, parts.fields));

@@ -25,12 +25,13 @@ use std::{
     collections::{BTreeMap, BTreeSet},
 };
 
-use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript, Span};
+use wfl::{Code, Diagnostic, ResolvedScript, Span, ast::Crosspoints};
 use wfl_compiler::types::{FieldKind, Side};
 
 use super::{
     constraints::{SAME_PLACE, Spot, at_place, extent, facets_of_nodes},
     mappings::Mappings,
+    meeting::crosspoints,
 };
 use crate::{
     contact::{Contact, Friction, couplings, has_multiplier},
@@ -61,6 +62,8 @@ struct Candidate {
     shared: Vec<usize>,
     /// The multiplier is of lower degree than what it acts on.
     coarse: bool,
+    /// It is to follow where it is idle.
+    follows: bool,
 }
 
 /// What lies across the faces of a multiplier, and what meets it.
@@ -107,13 +110,14 @@ pub(super) fn leave_out(
 fn candidates(script: &ResolvedScript, sides: Sides<'_>, system: &System) -> Vec<Candidate> {
     let mut found = Vec::new();
     let scale = extent(&system.mesh);
-    for (field, declared) in script.fields.iter().enumerate() {
+    for field in 0..script.fields.len() {
         // which side a multiplier meets changes where images move
         let meets_moving = || {
             let mut own = system.terms.iter().filter(|t| t.coupled_fields().any(|f| f.index() == field));
             own.any(|t| t.integrator.moves())
         };
-        let keep = matches!(declared.kind, Declared::Multiplier { keep_crosspoints: true }) || meets_moving();
+        let wanted = crosspoints(script, field);
+        let keep = wanted == Crosspoints::Keep || meets_moving();
         let (FieldKind::Multiplier, FieldSpace::Nodal(space), Some(range), false) =
             (system.fields[field].kind, &system.fields[field].space, system.range(field), keep)
         else {
@@ -129,7 +133,8 @@ fn candidates(script: &ResolvedScript, sides: Sides<'_>, system: &System) -> Vec
             let own = 0..system.fields[field].n_components;
             let shared: Vec<usize> = own.filter(|c| sides.shared.contains(&(first + c))).collect();
             if place.iter().any(is_bound) || (joined && place.is_empty()) || !shared.is_empty() {
-                let candidate = Candidate { field, node, first, place, joined, shared, coarse: false };
+                let follows = wanted == Crosspoints::Follow;
+                let candidate = Candidate { field, node, first, place, joined, shared, coarse: false, follows };
                 found.push(Candidate { coarse: is_coarse(system, &candidate), ..candidate });
             }
         }
@@ -329,11 +334,13 @@ impl Plan {
         for (field, declared) in script.fields.iter().enumerate() {
             let own = candidates.iter().zip(&self.counts).filter(|(candidate, _)| candidate.field == field);
             let (tips, others): (Vec<_>, Vec<_>) = own.partition(|(candidate, _)| candidate.joined);
+            let (asked, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|(candidate, _)| candidate.follows);
             let (coarse, others): (Vec<_>, Vec<_>) = others.into_iter().partition(|(candidate, _)| candidate.coarse);
             let counts =
                 |list: Vec<(&Candidate, &(usize, usize))>| list.into_iter().map(|(_, counts)| *counts).collect();
             let of = Of { name: &system.fields[field].name, components: system.fields[field].n_components };
             notes.extend(of.tips(counts(tips), declared.name.span, diagnostics));
+            notes.extend(of.asked(&counts(asked), declared.name.span, diagnostics));
             of.prescribed(counts(others), declared.name.span, diagnostics);
             of.coarse(&counts(coarse), declared.name.span, diagnostics);
         }
@@ -364,6 +371,19 @@ impl Of<'_> {
         (following > 0).then(|| (format!("`{}` at {}", self.name, nodes(following)), why.to_owned()))
     }
 
+    /// The same of nodes that are to follow.
+    fn asked(&self, counts: &[(usize, usize)], span: Span, told: &mut Vec<Diagnostic>) -> Option<(String, String)> {
+        let dropped = counts.iter().filter(|(dropped, _)| *dropped > 0).count();
+        if dropped > 0 {
+            let text = format!("at {} `{}` has no node beside to follow and is dropped", nodes(dropped), self.name);
+            let note = "no node of its surface nearby has a jump that would determine it";
+            told.push(Diagnostic::new(Code::W404, text).note(note).at(span, ""));
+        }
+        let following = counts.iter().filter(|(_, tied)| *tied > 0).count();
+        let why = "no jump determines it there: it has the value of the nearest node, `with crosspoints=follow`";
+        (following > 0).then(|| (format!("`{}` at {}", self.name, nodes(following)), why.to_owned()))
+    }
+
     /// The same of nodes of a multiplier of lower degree than what it acts on.
     fn coarse(&self, counts: &[(usize, usize)], span: Span, told: &mut Vec<Diagnostic>) {
         let name = self.name;
@@ -386,7 +406,8 @@ impl Of<'_> {
     fn prescribed(&self, counts: Vec<(usize, usize)>, span: Span, told: &mut Vec<Diagnostic>) {
         let (name, n) = (self.name, self.components);
         let count = |f: &dyn Fn(usize, usize) -> bool| counts.iter().filter(|k| f(k.0, k.1)).count();
-        let kept = "they would make the system singular in stick; `with crosspoints=keep` keeps them";
+        let kept = "they would make the system singular in stick, and are zero; `with crosspoints=follow` they have the value of \
+                    the nearest node, `with crosspoints=keep` they stay";
         let mut warn = |text: String, note: &str, label: &str| {
             told.push(Diagnostic::new(Code::W404, text).note(note).at(span, label));
         };

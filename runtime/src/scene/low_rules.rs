@@ -6,40 +6,59 @@ use wfl::{
 };
 use wfl_compiler::types::Side;
 
-use super::terms::PlacedLaw;
+use super::{RuleChoice, terms::PlacedLaw};
 use crate::{
     assemble::{Domain, Group},
     field::Field,
     mesh::Polynomials,
 };
 
+/// The rule of a term and the points that it makes.
+#[derive(Clone, Copy)]
+pub(super) struct Made<'a> {
+    pub(super) domain: &'a Domain,
+    pub(super) rule: RuleChoice,
+}
+
 /// W506 if a term on faces that depends on unknowns is integrated with fewer points than their faces have nodes, by a
-/// rule that the scene asks for. Without such a statement the rule follows from the degrees.
+/// rule that the scene asks for, or with points that do not share a force rightly among the nodes of the other side. Without such a statement the rule follows from the degrees.
 pub(super) fn check(
     script: &ResolvedScript,
     placed: &PlacedLaw,
-    domain: &Domain,
+    made: Made<'_>,
     fields: &[Field],
     diagnostics: &mut Vec<Diagnostic>,
 ) {
+    let Made { domain, rule } = made;
     let here = |places: &[Ident]| places.iter().any(|p| p.name == placed.place);
     let Some(statement) = script.quadratures.iter().rev().find(|q| here(&q.places)) else { return };
-    if statement.rule == QuadratureRule::Vertex {
-        return;
-    }
     // of the mapped side the faces are others
     let mapped = placed.law.listing.graph.mapping.is_some();
-    let trials = placed.law.trials.iter().filter(|t| !(mapped && t.side == Side::There));
-    let degree = trials.filter_map(|t| fields.get(t.field.index())).map(Field::degree).max();
-    let Some(degree) = degree.filter(|k| *k > 0) else { return };
-    let Some((points, nodes)) = of_faces(domain, degree).into_iter().find(|(points, nodes)| points < nodes) else {
-        return;
+    let highest = |there: bool| {
+        let trials = placed.law.trials.iter().filter(|t| (mapped && t.side == Side::There) == there);
+        trials.filter_map(|t| fields.get(t.field.index())).map(Field::degree).max().unwrap_or(0)
     };
-    let message = format!(
-        "the rule on `{}` has {points} points a face for the {nodes} nodes of degree {degree}: displacements that \
-         vanish at the points cause no force",
-        placed.place
-    );
+    let (degree, opposite) = (highest(false), highest(true));
+    let low = of_faces(domain, degree).into_iter().find(|(points, nodes)| degree > 0 && points < nodes);
+    let place = &placed.place;
+    let message = match (&statement.rule, rule, low) {
+        (QuadratureRule::Vertex, ..) if opposite > degree.max(1) => format!(
+            "the nodal rule on `{place}` has its points at the nodes of degree {}, and the other side is of degree {opposite}: \
+             its nodes have wrong shares of the force, and no constant stress passes",
+            degree.max(1)
+        ),
+        (QuadratureRule::Vertex, ..) => return,
+        (_, RuleChoice::Segments { degree: exact, .. }, _) if exact < degree.max(opposite) => format!(
+            "the rule on `{place}` is exact to degree {exact} on each segment for unknowns of degree {}: their nodes have wrong \
+             shares of the force, and no constant stress passes",
+            degree.max(opposite)
+        ),
+        (.., Some((points, nodes))) => format!(
+            "the rule on `{place}` has {points} points a face for the {nodes} nodes of degree {degree}: displacements that \
+             vanish at the points cause no force"
+        ),
+        _ => return,
+    };
     let d = Diagnostic::new(Code::W506, message).at(statement.span, "");
     if !diagnostics.contains(&d) {
         diagnostics.push(d);

@@ -12,7 +12,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript, Span};
+use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript, Span, ast::Crosspoints};
 use wfl_compiler::{ProjectionKind, types::FieldKind};
 
 use super::{
@@ -113,7 +113,7 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
     for k in holding {
         let (Some(start), FieldSpace::Nodal(space)) = (numbering.starts[k], &fields[k].space) else { continue };
         let around = facets_of_nodes(space);
-        let keeps = matches!(script.fields[k].kind, Declared::Multiplier { keep_crosspoints: true });
+        let [keeps, follows] = [Crosspoints::Keep, Crosspoints::Follow].map(|wanted| crosspoints(script, k) == wanted);
         let mut jump = Jump { on, extent, acts_on: partners(k, fields, laws), mapping: None, images: Vec::new() };
         jump.look_through(laws.iter().filter(|l| tests(k, l)).find_map(|l| l.law.listing.graph.mapping));
         let n = fields[k].n_components;
@@ -129,7 +129,7 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
                     continue;
                 }
                 if !keeps && apart && rows.beyond(Rows::row(&ends)).is_empty() {
-                    if is_coarse {
+                    if is_coarse || follows {
                         shared.in_question.insert(dof);
                         continue;
                     }
@@ -152,13 +152,21 @@ pub(super) fn shared_multipliers(on: &Multipliers<'_>, diagnostics: &mut Vec<Dia
     shared
 }
 
+/// What the text says of components that no jump determines.
+pub(super) fn crosspoints(script: &ResolvedScript, field: usize) -> Crosspoints {
+    match script.fields[field].kind {
+        Declared::Multiplier { crosspoints } => crosspoints,
+        _ => Crosspoints::Drop,
+    }
+}
+
 /// W404 for nodes of a multiplier that are dropped beside another one.
 fn redundant(name: &str, span: Span, nodes: usize) -> Diagnostic {
     let (words, is) = if nodes == 1 { ("1 node".to_owned(), "is") } else { (format!("{nodes} nodes"), "are") };
     let text = format!("{words} of `{name}` {is} constrained by another multiplier already and {is} dropped");
     let note = "only the sum of both forces is determined in stick, and the system would be singular; an \
-                augmented Lagrangian acts as a penalty of stiffness gamma there; `with crosspoints=keep` keeps \
-                them";
+                augmented Lagrangian acts as a penalty of stiffness gamma there; `with crosspoints=follow` they have the \
+                value of the nearest node, `with crosspoints=keep` they stay";
     Diagnostic::new(Code::W404, text).note(note).at(span, "its surface meets that of the other multiplier")
 }
 
@@ -220,12 +228,17 @@ fn tests(k: usize, law: &PlacedLaw) -> bool {
     law.law.tests.iter().any(|t| t.field.index() == k)
 }
 
-/// The unknowns on which multiplier `k` acts.
+/// The unknowns on which multiplier `k` acts: those in its equations, and those in whose equations it is.
 fn partners(k: usize, fields: &[Field], laws: &[PlacedLaw]) -> BTreeSet<usize> {
-    let reads = |law: &&PlacedLaw| law.law.tests.iter().chain(&law.law.trials).any(|s| s.field.index() == k);
-    let all = laws.iter().filter(reads).flat_map(|l| l.law.tests.iter().chain(&l.law.trials));
+    let pairs = laws.iter().flat_map(|placed| {
+        let law = &placed.law;
+        law.entries.iter().map(|(test, trial)| {
+            let (test, trial) = (&law.tests[usize::from(*test)], &law.trials[usize::from(*trial)]);
+            [test.field.index(), trial.field.index()]
+        })
+    });
     let alike = |f: &usize| fields[*f].kind == FieldKind::Unknown && fields[*f].n_components == fields[k].n_components;
-    all.map(|s| s.field.index()).filter(alike).collect()
+    pairs.filter(|pair| pair.contains(&k)).flatten().filter(alike).collect()
 }
 
 /// What a multiplier at a node acts on.

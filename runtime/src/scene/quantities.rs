@@ -1,7 +1,11 @@
 //! Values that are not terms: initial guesses, given fields.
 
 use wfl::{Code, DataValue, Diagnostic, Span, StartKind, at_expr};
-use wfl_compiler::{compile_value, types::FieldKind, without_fields};
+use wfl_compiler::{
+    compile_value,
+    types::{FieldKind, RateForm},
+    without_fields,
+};
 
 use super::{
     Builder, InputFile,
@@ -68,7 +72,8 @@ impl Builder<'_> {
         let mut out = Vec::new();
         for k in 0..self.fields.len() {
             if self.fields[k].kind != FieldKind::Data && table.has(&self.fields[k].name) {
-                out.extend(self.table_values(&table, path, k, span));
+                let name = self.fields[k].name.clone();
+                out.extend(self.table_values(&table, &name, k, (path, span)));
             }
         }
         if out.is_empty() && !self.diagnostics.iter().any(Diagnostic::is_error) {
@@ -88,7 +93,10 @@ impl Builder<'_> {
                 return None;
             }
         };
-        self.inputs.push(InputFile::new(self.folder, path, Hash::of(text.as_bytes())));
+        let input = InputFile::new(self.folder, path, Hash::of(text.as_bytes()));
+        if !self.inputs.contains(&input) {
+            self.inputs.push(input);
+        }
         match PointValues::parse(&text) {
             Ok(table) => Some(table),
             Err(e) => {
@@ -100,18 +108,45 @@ impl Builder<'_> {
         }
     }
 
-    /// The values of one field from a file.
-    fn table_values(&mut self, table: &PointValues, path: &str, field: usize, span: Span) -> Option<(usize, Given)> {
+    /// The first rates of fields with second ones that a file has columns of, but those that are known otherwise.
+    pub(super) fn rates_from(&mut self, path: &str, span: Span, known: &[(usize, Given)]) -> Vec<(usize, Given)> {
+        let is_second = |k: &usize| self.env.rates.get(*k) == Some(&RateForm::Second);
+        let is_open = |k: &usize| known.iter().all(|(other, _)| other != k);
+        let fields: Vec<usize> = (0..self.fields.len()).filter(is_second).filter(is_open).collect();
+        // what is wrong with the file was told with its values
+        if fields.is_empty() || self.diagnostics.iter().any(Diagnostic::is_error) {
+            return Vec::new();
+        }
+        let Some(table) = self.table(path, span) else { return Vec::new() };
+        let mut out = Vec::new();
+        for k in fields {
+            let name = format!("Dot_{}", self.fields[k].name);
+            if table.has(&name) {
+                out.extend(self.table_values(&table, &name, k, (path, span)));
+            }
+        }
+        out
+    }
+
+    /// The values of one field from the columns of a file with a name.
+    fn table_values(
+        &mut self,
+        table: &PointValues,
+        name: &str,
+        field: usize,
+        at: (&str, Span),
+    ) -> Option<(usize, Given)> {
+        let (path, span) = at;
         let (f, shape) = (&self.fields[field], self.sigs[field].shape);
         let index = |e: usize| shape.indices(e).iter().map(|i| (i + 1).to_string()).collect::<String>();
         let entries: Vec<String> = (0..shape.len()).map(index).collect();
         let nodes: Vec<[f64; 3]> = (0..f.n_nodes()).map(|n| f.node_position(n)).collect();
         let (low, high) = self.mesh.bounds();
         let size = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
-        match table.at_nodes(&f.name, &entries, &nodes, size) {
+        match table.at_nodes(name, &entries, &nodes, size) {
             Ok(values) => Some((field, Given::Values(values))),
             Err(e) => {
-                let d = Diagnostic::new(Code::E418, format!("`{path}` does not fit `{}`: {e}", f.name));
+                let d = Diagnostic::new(Code::E418, format!("`{path}` does not fit `{name}`: {e}"));
                 let text = format!("positions are the same within {SAME_PLACE:e} of the mesh size");
                 self.diagnostics.push(d.at(span, text));
                 None
@@ -128,7 +163,8 @@ impl Builder<'_> {
                     DataValue::Formula(e) => list.push((field.name.name.clone(), e.clone())),
                     DataValue::File(path, span) => {
                         if let Some(table) = self.table(path, *span) {
-                            out.extend(self.table_values(&table, path, k, *span));
+                            let name = self.fields[k].name.clone();
+                            out.extend(self.table_values(&table, &name, k, (path, *span)));
                         }
                     }
                     DataValue::Caller => {

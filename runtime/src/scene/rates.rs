@@ -368,7 +368,14 @@ impl Builder<'_> {
             }
             list.push((name.clone(), value.clone()));
         }
-        self.nodal_values("the first rate of", list)
+        let mut known = self.nodal_values("the first rate of", list);
+        for start in &script.starts {
+            if let StartKind::File { path, path_span } = &start.kind {
+                let more = self.rates_from(path, *path_span, &known);
+                known.extend(more);
+            }
+        }
+        known
     }
 }
 

@@ -375,7 +375,12 @@ pub(super) fn domain(
     let PointsOf { rule, parts } = points.into();
     // only a field of a higher degree than those found is looked for there: scenes may have many fields
     let higher = |most: Option<usize>, f: &Field| {
-        let counts = most.is_none_or(|m| f.degree() > m) && mesh.team().any(!restricted(f, set).is_empty());
+        // both sides of an interface have forces at their nodes
+        let lives = || match set {
+            RegionSet::Interface(pairs) => pairs.iter().any(|p| f.lives_on_facet(p.here) || f.lives_on_facet(p.there)),
+            set => !restricted(f, set).is_empty(),
+        };
+        let counts = most.is_none_or(|m| f.degree() > m) && mesh.team().any(lives());
         if counts { Some(f.degree()) } else { most }
     };
     let nodes = fields.iter().fold(None, higher).unwrap_or(1);

@@ -10,7 +10,9 @@ pages! {
          for it, or at the edge of two surfaces another multiplier constrains the same jump. Components that can jump \
          are kept. Where the sides can still slide and friction needs the normal traction, the traction of the nearest \
          node where it is determined is used. An augmented Lagrangian acts as a penalty of stiffness gamma at dropped \
-         nodes. `with crosspoints=keep` keeps all components. At the tips of a crack, where both sides are one node, the \
+         nodes. The multiplier is zero where it is dropped: displacements are right, its integrals lack what these nodes \
+         would carry. `with crosspoints=follow` it has the value of the nearest node there instead, and nothing is told; \
+         `with crosspoints=keep` keeps all components. At the tips of a crack, where both sides are one node, the \
          traction of the nearest node that has a jump is used, without a message: `wfl check` counts these nodes, and W680 \
          tells of tips without such a node.",
         "multiplier l : vector on fault\nfix uL, uR = [0,0,0] on boundary\n\
@@ -223,7 +225,9 @@ pages! {
         "a quadrature rule with fewer points than a face has nodes",
         "The degree in `quadrature` gives fewer points on a face than the unknowns have nodes. Displacements that \
          vanish at these points cause no force of the term: contact does not resist them, and the tangent may be \
-         singular. Without the statement the degree follows from the terms.",
+         singular. Through a mapping, a nodal rule knows the nodes of its own side alone, and on segments a rule of a lower \
+         degree than the unknowns shares a force wrongly among their nodes: not even a constant stress passes. Without the \
+         statement the degree follows from the terms.",
         "unknown uL : vector Q2 on left\nquadrature on fault degree 1\n\
          term tie on fault : gamma*jump(uL,uR).jump(Test_uL,Test_uR)",
         "unknown uL : vector Q2 on left\nquadrature on fault degree 4\n\

@@ -121,7 +121,8 @@ pub(super) const ROWS: &[StatementRow] = &[
                   dropped; one that friction depends on takes the value of the nearest node (W404), as all do at \
                   the tips of a crack, where both sides are one node. Those of a lower degree than the displacements \
                   stay where the jumps between their nodes determine them, and follow the nearest node elsewhere. \
-                  `with crosspoints=keep` keeps all",
+                  `with crosspoints=follow` all of these follow the nearest node, so that tractions are right up to the ends; \
+                  `with crosspoints=keep` keeps all as unknowns",
         default: "",
     },
     StatementRow {

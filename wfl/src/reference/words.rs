@@ -34,7 +34,10 @@ pub(super) const MEANINGS: &[(&str, &str)] = &[
     ("interior", "all faces between two cells, with both sides"),
     ("global", "no place: a term or measure of global unknowns and numbers"),
     ("idle_cells", "`allowed`: cells without a term are no error (E425)"),
-    ("crosspoints", "`keep`: no component of the multiplier is dropped; `drop` is the default"),
+    (
+        "crosspoints",
+        "of a multiplier where no jump determines it: `drop` (zero, the default), `follow` (the nearest node), `keep`",
+    ),
     ("halve", "how often the increment of a failed step is halved (5)"),
     ("most", "largest number of steps (100,000), of steps by `auto` the largest increment"),
     ("count", "the most steps that a run by `auto` may take"),

@@ -3,8 +3,8 @@
 use super::{Allowed, Resolver, names::Kind};
 use crate::{
     ast::{
-        BoxDivision, Domain, Expr, ExprKind, Ident, MappingKind, MeshFile, MeshSource, OptionItem, OptionValue, Place,
-        Placing, Rank,
+        BoxDivision, Crosspoints, Domain, Expr, ExprKind, Ident, MappingKind, MeshFile, MeshSource, OptionItem,
+        OptionValue, Place, Placing, Rank,
     },
     ast::{Refine, RegionExpr, Space},
     codes::Code,
@@ -127,23 +127,24 @@ impl Resolver<'_> {
     }
 
     pub(super) fn multiplier(&mut self, options: &[OptionItem]) -> Option<FieldKind> {
-        let mut keep_crosspoints = false;
+        let mut crosspoints = Crosspoints::Drop;
         for option in self.options("multiplier", options)? {
             let value = match &option.value {
                 Some(OptionValue::Expr(Expr { kind: ExprKind::Name(word), .. })) => word.as_str(),
                 _ => "",
             };
-            keep_crosspoints = match value {
-                "keep" => true,
-                "drop" => false,
+            crosspoints = match value {
+                "keep" => Crosspoints::Keep,
+                "follow" => Crosspoints::Follow,
+                "drop" => Crosspoints::Drop,
                 _ => {
-                    let d = Diagnostic::new(Code::E211, "`crosspoints` is `keep` or `drop`");
+                    let d = Diagnostic::new(Code::E211, "`crosspoints` is `keep`, `follow` or `drop`");
                     self.diagnostics.push(d.at(option.name.span, ""));
                     return None;
                 }
             };
         }
-        Some(FieldKind::Multiplier { keep_crosspoints })
+        Some(FieldKind::Multiplier { crosspoints })
     }
 
     pub(super) fn data(&mut self, value: Option<&OptionValue>) -> Option<FieldKind> {

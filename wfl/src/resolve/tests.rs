@@ -59,7 +59,7 @@ fn the_five_scenes_resolve_without_a_word() {
     let script = checked.value.unwrap();
     assert_eq!((script.params.len(), script.regions.len(), script.fields.len(), script.terms.len()), (5, 7, 3, 4));
     assert_eq!((script.fixes.len(), script.loads.len(), script.outputs.len(), script.measures.len()), (2, 2, 2, 2));
-    assert_eq!(script.fields[2].kind, FieldKind::Multiplier { keep_crosspoints: false });
+    assert_eq!(script.fields[2].kind, FieldKind::Multiplier { crosspoints: crate::ast::Crosspoints::Drop });
     assert_eq!(script.outputs[1].items[2].name, "sigma(uL)");
     let (checked, sources) = run(SCENES[3].1, &[], &[]);
     let script = checked.value.unwrap();

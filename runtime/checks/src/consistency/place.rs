@@ -463,9 +463,10 @@ impl<'a> Place<'a> {
     }
 
     /// The traction that the terms of a body put on its face, of a gradient of its displacement.
-    pub(super) fn traction(&self, body: usize, gradient: &Gradient) -> Option<Vector> {
+    pub(super) fn traction(&self, body: usize, value: &Vector, gradient: &Gradient) -> Option<Vector> {
         let mut state = self.rest();
-        state.bodies[body].gradient = *gradient;
+        // around an axis displacements are strains, too
+        state.bodies[body] = Motion { value: *value, before: *value, gradient: *gradient };
         let outward = if body == 0 { 1.0 } else { -1.0 };
         let mut sum = [0.0; 3];
         for law in &self.bulk[body] {
@@ -481,14 +482,14 @@ impl<'a> Place<'a> {
     }
 
     /// The change of a traction with the gradient, about one.
-    fn traction_slope(&self, body: usize, gradient: &Gradient) -> Option<DMatrix<f64>> {
+    fn traction_slope(&self, body: usize, value: &Vector, gradient: &Gradient) -> Option<DMatrix<f64>> {
         let n = self.dim * self.dim;
         let mut slope = DMatrix::zeros(self.dim, n);
         for k in 0..n {
             let moved = |by: f64| {
                 let mut g = *gradient;
                 g[k] += by;
-                self.traction(body, &g)
+                self.traction(body, value, &g)
             };
             let (ahead, behind) = (moved(STRAIN)?, moved(-STRAIN)?);
             (0..self.dim).for_each(|i| slope[(i, k)] = (ahead[i] - behind[i]) / (2.0 * STRAIN));
@@ -499,24 +500,30 @@ impl<'a> Place<'a> {
     /// The stiffness of the softer body at its face, without displacement (stress).
     pub(super) fn stiffness(&self) -> Option<f64> {
         let bodies = 0..if self.has_two_bodies() { 2 } else { 1 };
-        let of = |body| Some(self.traction_slope(body, &[0.0; 9])?.amax());
+        let of = |body| Some(self.traction_slope(body, &[0.0; 3], &[0.0; 9])?.amax());
         let all: Option<Vec<f64>> = bodies.map(of).collect();
         all?.into_iter().min_by(f64::total_cmp).filter(|s| *s > 0.0)
     }
 
-    /// The gradient nearest to `start` with this traction; `None` where there is none.
-    pub(super) fn gradient(&self, body: usize, traction: &Vector, start: &Gradient) -> Option<Gradient> {
+    /// The gradient nearest to `start` with this traction at a displacement; `None` where there is none.
+    pub(super) fn gradient(
+        &self,
+        body: usize,
+        value: &Vector,
+        traction: &Vector,
+        start: &Gradient,
+    ) -> Option<Gradient> {
         let size = dot(traction, traction).sqrt();
         let mut gradient = *start;
-        let scale =
-            size.max(self.traction_slope(body, start)?.amax() * start.iter().fold(0.0f64, |m, x| m.max(x.abs())));
+        let largest = start.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let scale = size.max(self.traction_slope(body, value, start)?.amax() * largest);
         for _ in 0..CORRECTIONS {
-            let found = self.traction(body, &gradient)?;
+            let found = self.traction(body, value, &gradient)?;
             let missing = DVector::from_fn(self.dim, |i, _| traction[i] - found[i]);
             if missing.amax() <= MISSED * scale {
                 return Some(gradient);
             }
-            let slope = self.traction_slope(body, &gradient)?;
+            let slope = self.traction_slope(body, value, &gradient)?;
             let inverse = slope.clone().pseudo_inverse(1e-10 * slope.amax()).ok()?;
             let change = inverse * missing;
             change.iter().zip(&mut gradient).for_each(|(c, g)| *g += c);

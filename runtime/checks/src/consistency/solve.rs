@@ -132,7 +132,7 @@ impl Place<'_> {
         let background = if stays { near } else { [[0.0; 3]; 2] };
         let mut free = still;
         for (body, free) in free.iter_mut().enumerate().take(if self.has_two_bodies() { 2 } else { 1 }) {
-            *free = self.gradient(body, &scaled(&background[body], -1.0), &[0.0; 9])?;
+            *free = self.gradient(body, &[0.0; 3], &scaled(&background[body], -1.0), &[0.0; 9])?;
         }
         // bodies without contact: their stress may depend on nothing but what they started with
         let touching = -argument(0.0, &free)? / slope;
@@ -274,16 +274,7 @@ impl Place<'_> {
         let opposite = scaled(traction, -1.0);
         let bodies = if self.has_two_bodies() { 2 } else { 1 };
         let common = if bodies == 2 { self.in_space(&shift) } else { [0.0; 3] };
-        for body in 0..bodies {
-            let (sign, own) = if body == 0 { (1.0, traction) } else { (-0.6, &opposite) };
-            let own = &sum(own, &scaled(&sizes.background[body], -1.0));
-            let mut start = sizes.free[body];
-            for (k, g) in start.iter_mut().enumerate().take(self.dim * self.dim) {
-                *g += STRAIN * sign * [0.3, -0.5, 0.7, 0.2, -0.4, 0.6, -0.1, 0.8, -0.3][k];
-            }
-            state.bodies[body].gradient = self.gradient(body, own, &start)?;
-            state.bodies[body].value = common;
-        }
+        state.bodies.iter_mut().take(bodies).for_each(|body| body.value = common);
         let first = &mut state.bodies[0].value;
         *first = sum(&sum(first, &scaled(&self.normal, sizes.touching)), jump);
         for body in &mut state.bodies {
@@ -291,6 +282,15 @@ impl Place<'_> {
         }
         state.bodies[0].before = sum(&state.bodies[0].before, &scaled(slid, -1.0));
         state.bodies[0].value = sum(&state.bodies[0].value, &sizes.carried);
+        for body in 0..bodies {
+            let (sign, own) = if body == 0 { (1.0, traction) } else { (-0.6, &opposite) };
+            let own = &sum(own, &scaled(&sizes.background[body], -1.0));
+            let mut start = sizes.free[body];
+            for (k, g) in start.iter_mut().enumerate().take(self.dim * self.dim) {
+                *g += STRAIN * sign * [0.3, -0.5, 0.7, 0.2, -0.4, 0.6, -0.1, 0.8, -0.3][k];
+            }
+            state.bodies[body].gradient = self.gradient(body, &state.bodies[body].value, own, &start)?;
+        }
         Some(Trial { state, traction: *traction })
     }
 

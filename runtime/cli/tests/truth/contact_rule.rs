@@ -351,3 +351,79 @@ fn a_load_on_a_face_with_contact_has_a_rule_of_its_own() {
     assert!((ran.last("pushed") + 0.2).abs() < 1e-12, "{}", ran.text);
     assert!(ran.text.contains("loads [0, -0.2"), "{}", ran.text);
 }
+
+/// Two blocks under a uniform pressure with unknowns of different degrees, the lower one first: nodes of both sides have their
+/// share of the force by the nodal rule of the higher degree.
+#[test]
+fn nodal_rules_have_the_nodes_of_both_sides() {
+    let scene = |cells: &str, [low, up, multiplier]: [&str; 3], read: &str, rule: &str| {
+        let (box_, last, zero) = if cells.contains("hex") || cells.contains("tet") {
+            ("[0,0,0] to [1,1,2]", "z", "[0,0,0]")
+        } else {
+            ("[0,0] to [1,2]", "y", "[0,0]")
+        };
+        let pressed = zero.replace("0]", "-0.02]");
+        let mapped = read == "m";
+        let on = if mapped { "lower" } else { "f" };
+        format!(
+            "wfl 1\nmesh box {box_} cells {cells}\nregion below = cells where {last} < 1\n\
+             region above = all - below\nregion foot = faces where {last} == 0\nregion lid = faces where {last} == 2\n\
+             unknown a : vector {low} on below\nunknown b : vector {up} on above\n{}\
+             multiplier l : vector {multiplier} on {on}\ndef jump(v,w) = v - Interpolate(w, {read})\n\
+             def q = l + 1e4*jump(a, b)\n\
+             term below on below : 1000*Sym(Grad_a):Grad_Test_a\nterm above on above : 1000*Sym(Grad_b):Grad_Test_b\n\
+             term contact on {on} : l.jump(Test_a, Test_b)\n\
+             term law on {on} : -1e-4*(l - pos_part(q.Normal)*Normal).Test_l\n{rule}\n\
+             fix a = {zero} on foot\nfix b = {pressed} on lid\nmeasure low = min(Norm(l)) at nodes of {on}\n\
+             measure high = max(Norm(l)) at nodes of {on}\nmeasure off = max(abs(a({last_}) + 0.01*{last})) on below\n",
+            if mapped {
+                format!(
+                    "region lower = faces of below where {last} == 1\nregion upper = faces of above where {last} == 1\n\
+                     mapping m = project from lower onto upper\n"
+                )
+            } else {
+                "region f = interface from below to above\n".to_owned()
+            },
+            last_ = if last == "z" { 3 } else { 2 },
+        )
+    };
+    let vertex = |on: &str| format!("quadrature on {on} vertex");
+    for (cells, fields) in
+        [("[2,4] quad", ["Q1", "Q2", "Q1"]), ("[2,4] quad", ["Q2", "Q1", "Q1"]), ("[2,2,2] hex", ["Q1", "Q2", "Q1"])]
+    {
+        let ran =
+            run(&format!("nodal-{cells}-{}", fields[0]), &scene(cells, fields, "neighbor_element", &vertex("f")), &[]);
+        ran.assert_silent();
+        let [low, high, off] = ["low", "high", "off"].map(|name| ran.last(name));
+        assert!((low - 10.0).abs() < 1e-9 && (high - 10.0).abs() < 1e-9 && off < 1e-12, "{cells}: {}", ran.text);
+    }
+    // there is none of degree three
+    let refused = run("nodal-cubic", &scene("[2,4] tri", ["P1", "P3", "P1"], "neighbor_element", &vertex("f")), &[]);
+    assert!(refused.code == 1 && refused.tells("E411"), "{}", refused.text);
+    // a mapping leads to nodes that the rule does not know
+    let mapped = |fields: [&str; 3], rule: &str| {
+        run(&format!("mapped-{}", rule.len()), &scene("[2,4] quad", fields, "m", rule), &[])
+    };
+    let told = mapped(["Q1", "Q2", "Q1"], &vertex("lower"));
+    assert!(told.tells("W506") && told.text.contains("degree 2"), "{}", told.text);
+    let told = mapped(["Q1", "Q2", "Q1"], "quadrature on lower segments of m degree 1");
+    assert!(told.tells("W506") && told.text.contains("each segment"), "{}", told.text);
+    let right = mapped(["Q1", "Q2", "Q1"], "quadrature on lower segments of m degree 4");
+    right.assert_silent();
+    assert!((right.last("low") - 10.0).abs() < 1e-9, "{}", right.text);
+}
+
+/// Corners of triangles have no point of their own in the rule of degree two: a quadratic multiplier has another one.
+#[test]
+fn quadratic_multipliers_on_triangles_have_a_rule() {
+    let ran = run(
+        "quadratic-on-triangles",
+        "wfl 1\nmesh box [0,0,0] to [1,1,1] cells [2,2,2] tet\nregion foot = faces where z == 0\nregion lid = faces where z == 1\n\
+         unknown u : vector P2\nmultiplier l : scalar P2 on foot\nterm body on all : 1000*Sym(Grad_u):Grad_Test_u\n\
+         def P = pos_part(1e4*(u.Normal) - l)\nterm contact on foot : P*(Normal.Test_u)\n\
+         term law on foot : -1e-4*(l + P)*Test_l\nfix u = [0,0,-0.01] on lid\nmeasure off = max(abs(l + 10)) on foot\n",
+        &[],
+    );
+    ran.assert_silent();
+    assert!(ran.last("off") < 1e-9, "{}", ran.text);
+}

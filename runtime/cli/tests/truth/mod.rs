@@ -12,6 +12,7 @@ mod joints;
 mod jumps;
 mod language;
 mod mechanics;
+mod open;
 mod singular;
 mod stability;
 mod units;

@@ -24,6 +24,8 @@ pub(super) struct Node {
     joined: bool,
     /// The multiplier is of lower degree than what it acts on.
     pub(super) coarse: bool,
+    /// It is to follow where it is idle.
+    follows: bool,
     /// Orthonormal directions that act on nothing.
     pub(super) idle: Vec<Vec<f64>>,
 }
@@ -66,6 +68,7 @@ impl Node {
             position,
             joined: candidate.joined,
             coarse: candidate.coarse,
+            follows: candidate.follows,
             idle,
         }
     }
@@ -93,8 +96,8 @@ pub(super) struct Split {
     n: usize,
     /// That nothing reads.
     pub(super) dropped: Vec<Vec<f64>>,
-    /// That a law reads where the sides can move another way, and all where both sides are one or the multiplier is coarse:
-    /// its values beside are right with the nearest one.
+    /// That a law reads where the sides can move another way, and all where both sides are one, the multiplier is coarse, or
+    /// it is wanted: its values beside are right with the nearest one.
     pub(super) tied: Vec<Vec<f64>>,
 }
 
@@ -108,7 +111,7 @@ impl Split {
         let (mut dropped, mut tied) = (Vec::new(), Vec::new());
         for direction in &node.idle {
             let read = || slip.iter().any(|matrix| is_read(system, numbers, matrix, node, &beside, direction));
-            if node.joined || node.coarse || read() {
+            if node.joined || node.coarse || node.follows || read() {
                 tied.push(direction.clone())
             } else {
                 dropped.push(direction.clone())
