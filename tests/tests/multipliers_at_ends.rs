@@ -196,37 +196,6 @@ fn a_pressure_passes_through_a_closed_crack() {
     assert!(told.contains("is not unique"), "{told}");
 }
 
-/// With `crosspoints=follow` a multiplier has the traction of the nearest node where no jump determines it, at prescribed ends and
-/// where it meets another one: a uniform traction is exact up to there, and nothing is told.
-#[test]
-fn what_follows_has_the_traction_up_to_the_ends() {
-    let scene = |law: &str, wanted: &str| {
-        format!(
-            "use \"elasticity\"\nuse \"contact\"\nmesh box [0,0] to [1,2] cells [4,8] quad\nregion below = cells where y < 1\n\
-             region above = cells where y > 1\nregion s = interface from below to above\nregion ob = faces of below & boundary\n\
-             region oa = faces of above & boundary\nunknown a : vector on below\nunknown b : vector on above\n\
-             multiplier l : vector on s{wanted}\ndef jump(v, w) = v - Interpolate(w, neighbor_element)\n\
-             def exact = [1e-3*x, -3e-3*y]\nquadrature on s vertex\nterm below on below : work(a, Test_a, 1000, 0.25)\n\
-             term above on above : work(b, Test_b, 1000, 0.25)\nterm law on s : {law}\nfix a = exact on ob\nfix b = exact on oa\n\
-             measure off = max(Norm(a - exact)) on below\ndef t = traction(a, 1000, 0.25)\n\
-             measure force = max(min(Norm(l - t), Norm(l + t))) on s\nmeasure total = integral(l(2)) on s\n\
-             measure whole = integral(t(2)) on s\n"
-        )
-    };
-    for law in ["l.jump(Test_a, Test_b) + jump(a, b).Test_l", "augmented(a, b, l, 1e4, 0.3)"] {
-        let tried = attempt(&examples(), scene(law, " with crosspoints=follow"), &[], &[]);
-        assert!(!tried.messages.contains("W404"), "{}", tried.messages);
-        let found = tried.solved.unwrap_or_else(|| panic!("{}", tried.messages));
-        let [off, force, total, whole] = ["off", "force", "total", "whole"].map(|name| found.measure(0, name));
-        assert!(off < 1e-15 && force < 1e-11, "{law}: {off:e} {force:e}");
-        assert!((total.abs() / whole.abs() - 1.0).abs() < 1e-11, "{law}: {total} {whole}");
-        let dropped = attempt(&examples(), scene(law, ""), &[], &[]);
-        assert!(dropped.messages.contains("crosspoints=follow"), "{}", dropped.messages);
-        let found = dropped.solved.unwrap_or_else(|| panic!("{}", dropped.messages));
-        assert!(found.measure(0, "total").abs() < 0.9 * whole.abs(), "zero at the ends");
-    }
-}
-
 /// A multiplier of lower degree than the displacements, on a surface that ends at prescribed values: the jumps between its
 /// nodes determine it there. Dropped, it would leave jumps that nothing ties. A linear solution is exact, and so is the
 /// traction of the multiplier.

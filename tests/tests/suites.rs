@@ -31,6 +31,7 @@ mod measures;
 mod mesh_errors;
 mod mistakes;
 mod multipliers_at_ends;
+mod multipliers_that_follow;
 mod mutants;
 mod named_twice;
 mod nonlinear_multigrid;

@@ -42,6 +42,11 @@ pub enum NewtonError {
     /// Who watches wanted no further iteration.
     #[error("stopped on request")]
     Stopped,
+    /// Branches of contact where time starts change again and again.
+    #[error(
+        "contact does not settle where time starts: its branches change again and again, and no rates satisfy its laws"
+    )]
+    Unsettled,
     /// A linear system could not be solved, and it is known why.
     #[error("{}: {error}", why.what)]
     Singular {

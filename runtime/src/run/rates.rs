@@ -203,8 +203,7 @@ fn highest(
     Ok((out, !mass.leaves_some_out()))
 }
 
-/// How often contact may change before its branches where time starts are taken as they are: each change is a factor, and a
-/// few rings of points change at most.
+/// How often contact may change where time starts: each change is a factor, and a few rings of points change at most.
 const MOST_CHANGES: usize = 30;
 /// A part of the first increment in which rates lead to the motion that is looked at.
 const JUST_BEHIND: f64 = 1.0 / 1024.0;
@@ -236,15 +235,14 @@ fn settled(
         let found = match mass.changes(&rhs, As::Written) {
             Ok(found) => found,
             // rounding may hold some components of points without a force and let others go
-            Err(_) if set.is_none() && !scene.contact.is_empty() => {
+            Err(failed) if set.is_none() && !scene.contact.is_empty() && !failed.ends_the_run() => {
                 set = Some(scene.contact.opened());
                 continue;
             }
             Err(failed) => return Err(failed),
         };
         let (rates, ahead) = ahead(scene.system, [u, known[0], known[1]], &mass, &found, JUST_BEHIND * at.increment);
-        changes += 1;
-        if scene.contact.is_empty() || changes > MOST_CHANGES {
+        if scene.contact.is_empty() {
             return Ok((mass, rates));
         }
         let next = scene.contact.written_at(scene.system, &ahead);
@@ -257,6 +255,10 @@ fn settled(
             return Ok((mass, rates));
         }
         set = Some(next);
+        changes += 1;
+        if changes > MOST_CHANGES {
+            return Err(NewtonError::Unsettled);
+        }
     }
 }
 
@@ -330,6 +332,11 @@ impl Mass {
 
 /// The same at the state `u` where time starts, which `at` ends with the increment of the first step.
 pub(crate) fn mass_at_start(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<Mass, NewtonError> {
+    if scene.contact.is_empty() {
+        let held = tangent(scene, u, at, Branches::AsWritten)?;
+        return mass(scene, u, at, &held, Branches::AsWritten);
+    }
+    // at the rates that were found nothing is left but the multipliers, which say where contact acts
     let mut known = [vec![0.0; u.len()], vec![0.0; u.len()]];
     for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
         for (rates, kept) in known.iter_mut().zip(&of.kept).filter(|(_, kept)| !kept.is_empty()) {

@@ -88,6 +88,7 @@ pub(super) fn leave_out(
     contact: &Contact,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Result<Notes, CsrError> {
+    cannot_follow(script, system, diagnostics);
     let candidates = candidates(script, at, system);
     if candidates.is_empty() {
         return Ok(Notes::new());
@@ -111,13 +112,8 @@ fn candidates(script: &ResolvedScript, sides: Sides<'_>, system: &System) -> Vec
     let mut found = Vec::new();
     let scale = extent(&system.mesh);
     for field in 0..script.fields.len() {
-        // which side a multiplier meets changes where images move
-        let meets_moving = || {
-            let mut own = system.terms.iter().filter(|t| t.coupled_fields().any(|f| f.index() == field));
-            own.any(|t| t.integrator.moves())
-        };
         let wanted = crosspoints(script, field);
-        let keep = wanted == Crosspoints::Keep || meets_moving();
+        let keep = wanted == Crosspoints::Keep || meets_moving(system, field);
         let (FieldKind::Multiplier, FieldSpace::Nodal(space), Some(range), false) =
             (system.fields[field].kind, &system.fields[field].space, system.range(field), keep)
         else {
@@ -140,6 +136,24 @@ fn candidates(script: &ResolvedScript, sides: Sides<'_>, system: &System) -> Vec
         }
     }
     found
+}
+
+/// Whether images of a multiplier move: which side it meets changes.
+fn meets_moving(system: &System, field: usize) -> bool {
+    let mut own = system.terms.iter().filter(|t| t.coupled_fields().any(|f| f.index() == field));
+    own.any(|t| t.integrator.moves())
+}
+
+/// W404 for multipliers that are to follow and cannot.
+fn cannot_follow(script: &ResolvedScript, system: &System, diagnostics: &mut Vec<Diagnostic>) {
+    for (field, declared) in script.fields.iter().enumerate() {
+        if crosspoints(script, field) == Crosspoints::Follow && meets_moving(system, field) {
+            let text = format!("`{}` follows nowhere: what it meets moves", declared.name.name);
+            let note = "which of its nodes have a jump changes with the state: all of them stay unknowns";
+            let d = Diagnostic::new(Code::W404, text).note(note).at(declared.name.span, "");
+            diagnostics.push(d.help("leave `crosspoints=follow` out"));
+        }
+    }
 }
 
 /// The unknowns that a multiplier acts on.

@@ -21,7 +21,8 @@ pub(super) struct Made<'a> {
 }
 
 /// W506 if a term on faces that depends on unknowns is integrated with fewer points than their faces have nodes, by a
-/// rule that the scene asks for, or with points that do not share a force rightly among the nodes of the other side. Without such a statement the rule follows from the degrees.
+/// rule that the scene asks for, or with points that do not share a force rightly among the nodes of the other side.
+/// Without such a statement the rule follows from the degrees.
 pub(super) fn check(
     script: &ResolvedScript,
     placed: &PlacedLaw,
@@ -39,21 +40,24 @@ pub(super) fn check(
         trials.filter_map(|t| fields.get(t.field.index())).map(Field::degree).max().unwrap_or(0)
     };
     let (degree, opposite) = (highest(false), highest(true));
-    let low = of_faces(domain, degree).into_iter().find(|(points, nodes)| degree > 0 && points < nodes);
+    let low = |degree: usize| {
+        let faces = if degree > 0 { of_faces(domain, degree) } else { Vec::new() };
+        faces.into_iter().find(|(points, nodes)| points < nodes)
+    };
+    let is_nodal = statement.rule == QuadratureRule::Vertex;
     let place = &placed.place;
-    let message = match (&statement.rule, rule, low) {
-        (QuadratureRule::Vertex, ..) if opposite > degree.max(1) => format!(
-            "the nodal rule on `{place}` has its points at the nodes of degree {}, and the other side is of degree {opposite}: \
-             its nodes have wrong shares of the force, and no constant stress passes",
-            degree.max(1)
+    let message = match (rule, low(if is_nodal { opposite } else { degree })) {
+        (_, Some((points, nodes))) if is_nodal => format!(
+            "the nodal rule on `{place}` has {points} points a face, and a face of the other side, of degree {opposite}, \
+             {nodes} nodes: these have wrong shares of the force, and no constant stress passes"
         ),
-        (QuadratureRule::Vertex, ..) => return,
-        (_, RuleChoice::Segments { degree: exact, .. }, _) if exact < degree.max(opposite) => format!(
+        (_, None) if is_nodal => return,
+        (RuleChoice::Segments { degree: exact, .. }, _) if exact < degree.max(opposite) => format!(
             "the rule on `{place}` is exact to degree {exact} on each segment for unknowns of degree {}: their nodes have wrong \
              shares of the force, and no constant stress passes",
             degree.max(opposite)
         ),
-        (.., Some((points, nodes))) => format!(
+        (_, Some((points, nodes))) => format!(
             "the rule on `{place}` has {points} points a face for the {nodes} nodes of degree {degree}: displacements that \
              vanish at the points cause no force"
         ),

@@ -172,7 +172,8 @@ pages! {
         W424,
         "one multiplier for several jumps",
         "One value holds one combination of what it stands for. Where a surface branches, or other surfaces cut the bodies \
-         on it, a node of a multiplier lies between more than two bodies, which come apart there. Multipliers for each surface between two bodies hold all jumps; where one follows \
+         on it, a node of a multiplier lies between more than two bodies, which come apart there. Multipliers for each \
+         surface between two bodies hold all jumps; where one follows \
          from others it is dropped (W404). At a corner of its surface a multiplier along the normal has one value for \
          several normals: a body in a corner moves there. A multiplier for each smooth part holds all.",
         "region s = interface along tee\nmultiplier m : scalar on s",
