@@ -22,7 +22,8 @@ pub(super) const ARROWS: &[(&str, &str, &[&str])] = &[
     ),
     ("wfl-host", "runtime/host", &["thiserror"]),
     ("wfl-mesh", "runtime/mesh", &["wfl", "wfl-host", "miniz_oxide", "nalgebra", "thiserror"]),
-    ("wfl-sparse", "runtime/sparse", &["wfl-host", "faer", "nalgebra", "pulp", "rayon", "thiserror"]),
+    ("wfl-dense", "runtime/dense", &["faer", "pulp"]),
+    ("wfl-sparse", "runtime/sparse", &["wfl-dense", "wfl-host", "nalgebra", "rayon", "thiserror"]),
     (
         "wfl-discrete",
         "runtime/discrete",
@@ -165,8 +166,8 @@ const OWNERS: &[(&str, &[&str])] = &[
     // the rows of the second are expanded in the first
     ("libm", &["compiler/src/", "wfl/src/scalar_functions.rs"]),
     ("signal_hook", &["runtime/cli/src/interrupt.rs"]),
-    ("faer", &["runtime/sparse/src/solve/"]),
-    ("pulp", &["runtime/discrete/src/assemble/", "runtime/sparse/src/solve/kernels"]),
+    ("faer", &["runtime/dense/"]),
+    ("pulp", &["runtime/discrete/src/assemble/", "runtime/dense/src/sweeps"]),
     ("zerocopy", &["runtime/discrete/src/assemble/"]),
     ("miniz_oxide", &["runtime/mesh/src/mesh/read/vtu/"]),
     ("criterion", &["runtime/benches/"]),

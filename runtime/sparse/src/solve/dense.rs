@@ -1,21 +1,13 @@
-//! Dense LU with partial pivoting, and dense Cholesky, through faer, in double or single precision.
+//! Dense LU with partial pivoting, and dense Cholesky, in double or single precision.
 //!
 //! Promises: right-hand sides and sums are of double precision for both precisions of the factor; columns and rows are
 //! scaled by powers of two first; memory is kept; the smallest pivot relative to its column is reported with its
 //! unknown, and a vanishing one is an error. Does not check residuals: `checked` does.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
-use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratch};
-use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_unit_upper_triangular_in_place};
-use faer::prelude::ReborrowMut;
-use faer::{MatMut, MatRef, Par};
+use wfl_dense::sweeps::Diagonal;
+use wfl_dense::{MatMut, MatRef, Par, Real, ReborrowMut, Work};
 
 use super::SolveError;
-use super::kernels::{
-    Diagonal, Stored, enlarge, largest_of_products, lower_solve, lower_transposed_solve, scale_by, upper_solve,
-    upper_transposed_solve,
-};
 use super::multifrontal::{Multifrontal, Panel};
 use super::triangular_solve::Transpose;
 use wfl_host::memory::{refused_by_the_system, zeros};
@@ -23,8 +15,8 @@ use wfl_host::memory::{refused_by_the_system, zeros};
 /// A pivot below so many roundoffs of its column is as good as zero.
 const VANISHING_PIVOT: f64 = 9.0;
 
-/// Numbers that faer factors.
-pub(super) trait Number: Stored + faer::traits::RealField + std::ops::SubAssign {
+/// Numbers that factors are kept in.
+pub(super) trait Number: Real {
     /// The panel of a front of a factor of these numbers.
     fn panel(factor: &Multifrontal, front: usize) -> &[Self];
 }
@@ -73,7 +65,7 @@ pub(super) struct Dense<T: Number = f64> {
     row_scale: Vec<f64>,
     column_scale: Vec<f64>,
     work: Vec<f64>,
-    memory: MemBuffer,
+    memory: Work,
     par: Par,
     state: State,
 }
@@ -81,13 +73,8 @@ pub(super) struct Dense<T: Number = f64> {
 impl<T: Number> Dense<T> {
     pub(super) fn new(n: usize, threads: usize) -> Result<Self, SolveError> {
         let par = super::parallelism(threads, (n as f64).powi(3) / 3.0);
-        let scratch = lu_in_place_scratch::<u32, T>(n, n, par, Default::default()).or(cholesky_in_place_scratch::<T>(
-            n,
-            par,
-            Default::default(),
-        ));
         let memory =
-            MemBuffer::try_new(scratch).map_err(|_| refused_by_the_system(None, "work space of a dense factor"))?;
+            Work::of_either::<T>(n, par).map_err(|_| refused_by_the_system(None, "work space of a dense factor"))?;
         let square = n.checked_mul(n).ok_or(SolveError::TooLarge { what: "a dense matrix" })?;
         Ok(Self {
             n,
@@ -113,7 +100,7 @@ impl<T: Number> Dense<T> {
             row_scale: Vec::new(),
             column_scale: Vec::new(),
             work: Vec::new(),
-            memory: MemBuffer::new(faer::dyn_stack::StackReq::EMPTY),
+            memory: Work::empty(),
             par: Par::Seq,
             state: State::Lu,
         }
@@ -157,8 +144,7 @@ impl<T: Number> Dense<T> {
             *diagonal = self.values[i * n + i].wide();
         }
         let matrix = MatMut::from_column_major_slice_mut(&mut self.values, n, n);
-        let stack = MemStack::new(&mut self.memory);
-        cholesky_in_place(matrix, LltRegularization::default(), self.par, stack, Default::default()).ok()?;
+        T::cholesky(matrix, self.par, &mut self.memory).ok()?;
         let pivot = |i: usize| self.values[i * n + i].wide();
         let ratios = (0..n).map(|i| (pivot(i) * pivot(i) / self.work[i], i));
         ratios.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|&(ratio, _)| ratio > VANISHING_PIVOT * T::ROUNDOFF)
@@ -168,8 +154,7 @@ impl<T: Number> Dense<T> {
         let n = self.n;
         self.equilibrate();
         let matrix = MatMut::from_column_major_slice_mut(&mut self.values, n, n);
-        let stack = MemStack::new(&mut self.memory);
-        lu_in_place(matrix, &mut self.pivots, &mut self.inverse, self.par, stack, Default::default());
+        T::lu(matrix, &mut self.pivots, &mut self.inverse, self.par, &mut self.memory);
         let mut smallest = (1.0, 0);
         for i in 0..n {
             // Scaled columns have largest entries of about 1.
@@ -201,12 +186,12 @@ impl<T: Number> Dense<T> {
         let n = self.n;
         self.row_scale.fill(0.0);
         for column in self.values.chunks_exact(n) {
-            enlarge(column, &mut self.row_scale);
+            T::enlarge(column, &mut self.row_scale);
         }
         self.row_scale.iter_mut().for_each(|largest| *largest = super::scaling::power_of_two(1.0 / *largest));
         for (column, scale) in self.values.chunks_exact_mut(n).zip(&mut self.column_scale) {
-            *scale = super::scaling::power_of_two(1.0 / largest_of_products(column, &self.row_scale));
-            scale_by(column, &self.row_scale, *scale);
+            *scale = super::scaling::power_of_two(1.0 / T::largest_of_products(column, &self.row_scale));
+            T::scale_by(column, &self.row_scale, *scale);
         }
     }
 
@@ -219,23 +204,23 @@ impl<T: Number> Dense<T> {
         match (self.state, transpose) {
             (State::Empty, _) => panic!("a dense factor is used before it exists"),
             (State::Cholesky, _) => {
-                lower_solve(&self.values, Diagonal::Stored, x, &mut []);
-                lower_transposed_solve(&self.values, Diagonal::Stored, x, &[]);
+                T::lower_solve(&self.values, Diagonal::Stored, x, &mut []);
+                T::lower_transposed_solve(&self.values, Diagonal::Stored, x, &[]);
             }
             (State::Lu, Transpose::No) => {
                 for (value, &row) in self.work.iter_mut().zip(&self.pivots) {
                     *value = x[row as usize] * self.row_scale[row as usize];
                 }
-                lower_solve(&self.values, Diagonal::Unit, &mut self.work, &mut []);
-                upper_solve(&self.values, n, &mut self.work);
+                T::lower_solve(&self.values, Diagonal::Unit, &mut self.work, &mut []);
+                T::upper_solve(&self.values, n, &mut self.work);
                 for ((out, value), scale) in x.iter_mut().zip(&self.work).zip(&self.column_scale) {
                     *out = value * scale;
                 }
             }
             (State::Lu, Transpose::Yes) => {
                 x.iter_mut().zip(&self.column_scale).for_each(|(value, scale)| *value *= scale);
-                upper_transposed_solve(&self.values, n, x);
-                lower_transposed_solve(&self.values, Diagonal::Unit, x, &[]);
+                T::upper_transposed_solve(&self.values, n, x);
+                T::lower_transposed_solve(&self.values, Diagonal::Unit, x, &[]);
                 self.work.copy_from_slice(x);
                 for (&value, &row) in self.work.iter().zip(&self.pivots) {
                     x[row as usize] = value * self.row_scale[row as usize];
@@ -264,8 +249,8 @@ impl<T: Number> Dense<T> {
         let mut columns = MatMut::from_column_major_slice_mut(x, n, width);
         let par =
             super::parallelism(if self.par == Par::Seq { 1 } else { self.par.degree() }, (n * n) as f64 * width as f64);
-        solve_lower_triangular_in_place(factor.transpose(), columns.rb_mut(), par);
-        solve_unit_upper_triangular_in_place(factor.transpose(), columns, par);
+        T::solve_lower(factor.transpose(), columns.rb_mut(), par);
+        T::solve_unit_upper(factor.transpose(), columns, par);
         let mut permuted = vec![T::default(); n];
         for column in x.chunks_exact_mut(n) {
             for (&value, &row) in column.iter().zip(&self.pivots) {

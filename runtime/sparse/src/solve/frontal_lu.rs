@@ -15,13 +15,8 @@
 
 use std::ops::Range;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::lu::partial_pivoting::factor::{lu_in_place, lu_in_place_scratch};
-use faer::linalg::matmul::matmul;
-use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_unit_lower_triangular_in_place};
-use faer::prelude::{Reborrow, ReborrowMut};
-use faer::{Accum, MatMut, Par};
 use rayon::prelude::*;
+use wfl_dense::{Accum, MatMut, Par, Real, Reborrow, ReborrowMut, Work, solve_unit_lower};
 
 use super::SolveError;
 use super::contributions::{Contributions, Extent, WHAT, give_back, shorten, stacks};
@@ -69,7 +64,7 @@ struct Workspace {
     stack: Vec<f64>,
     /// Numbers on the stack, at most.
     size: usize,
-    memory: MemBuffer,
+    memory: Work,
     waiting: Contributions,
     inverse: Vec<u32>,
     largest_in_column: Vec<f64>,
@@ -273,8 +268,7 @@ impl FrontalLu {
 impl Workspace {
     fn new(extent: Extent) -> Result<Self, SolveError> {
         let Extent { stack, depth, columns: largest, .. } = extent;
-        let scratch = lu_in_place_scratch::<u32, f64>(largest, largest, Par::Seq, Default::default());
-        let memory = MemBuffer::try_new(scratch)
+        let memory = Work::of_lu::<f64>(largest, Par::Seq)
             .map_err(|_| refused_by_the_system(None, "work space of a sparse factorisation"))?;
         Ok(Self {
             stack: Vec::new(),
@@ -426,17 +420,10 @@ impl Front<'_> {
     }
 
     /// LU of the panel, then the upper part, then the contribution. `column` holds k numbers for a while.
-    fn eliminate(
-        &mut self,
-        pivots: &mut [u32],
-        inverse: &mut [u32],
-        column: &mut [f64],
-        par: Par,
-        memory: &mut MemBuffer,
-    ) {
+    fn eliminate(&mut self, pivots: &mut [u32], inverse: &mut [u32], column: &mut [f64], par: Par, memory: &mut Work) {
         let Self { k, r, .. } = *self;
         let (mut top, mut bottom) = MatMut::from_column_major_slice_mut(self.panel, k + r, k).split_at_row_mut(k);
-        lu_in_place(top.rb_mut(), pivots, inverse, par, MemStack::new(memory), Default::default());
+        f64::lu(top.rb_mut(), pivots, inverse, par, memory);
         if r == 0 {
             return;
         }
@@ -445,10 +432,10 @@ impl Front<'_> {
             target.iter_mut().zip(pivots.iter()).for_each(|(value, &row)| *value = column[row as usize]);
         }
         let mut upper = MatMut::from_column_major_slice_mut(self.upper, k, r);
-        solve_unit_lower_triangular_in_place(top.rb(), upper.rb_mut(), par);
+        solve_unit_lower(top.rb(), upper.rb_mut(), par);
         // L21 U11 = F21, transposed to a lower triangle.
-        solve_lower_triangular_in_place(top.rb().transpose(), bottom.rb_mut().transpose_mut(), par);
+        f64::solve_lower(top.rb().transpose(), bottom.rb_mut().transpose_mut(), par);
         let own = MatMut::from_column_major_slice_mut(self.own, r, r);
-        matmul(own, Accum::Add, bottom.rb(), upper.rb(), -1.0, par);
+        f64::product(own, Accum::Add, bottom.rb(), upper.rb(), -1.0, par);
     }
 }

@@ -7,11 +7,7 @@
 //! and Reid 1983). Promises: the same counts for the same matrix; memory is asked for first. Keeps no factor: what is solved
 //! with is elsewhere.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::lblt::{factor, solve};
-use faer::linalg::matmul::matmul;
-use faer::perm::PermRef;
-use faer::{Accum, Conj, Mat, MatMut, MatRef, Par};
+use wfl_dense::{Accum, Indefinite, MatMut, MatRef, Par, Real};
 
 use super::SolveError;
 use super::null_space::equilibrated;
@@ -155,38 +151,10 @@ impl Front {
         let (n, k) = (self.indices.len(), self.candidates);
         let r = n - k;
         let whole = MatRef::from_column_major_slice(&self.values, n, n);
-        let mut factor = whole.submatrix(0, 0, k, k).to_owned();
-        let mut beside: Mat<f64> = whole.submatrix(0, k, k, r).to_owned();
-        let mut subdiagonal = faer::diag::Diag::<f64>::zeros(k);
-        let (mut forward, mut backward) = (vec![0usize; k], vec![0usize; k]);
-        let scratch = factor::cholesky_in_place_scratch::<usize, f64>(k, Par::Seq, Default::default())
-            .or(solve::solve_in_place_scratch::<usize, f64>(k, r, Par::Seq));
-        let Ok(mut memory) = MemBuffer::try_new(scratch) else { return false };
-        let stack = MemStack::new(&mut memory);
-        factor::cholesky_in_place(
-            factor.as_mut(),
-            subdiagonal.as_mut(),
-            &mut forward,
-            &mut backward,
-            Par::Seq,
-            stack,
-            Default::default(),
-        );
-        let mut diagonal = faer::diag::Diag::<f64>::zeros(k);
-        diagonal.copy_from(factor.diagonal());
-        let pivots: Vec<[f64; 2]> = (0..k).map(|i| [diagonal[i], subdiagonal[i]]).collect();
-        let Some(own) = signs(&pivots) else { return false };
-        let permutation = PermRef::new_checked(&forward, &backward, k);
-        solve::solve_in_place_with_conj(
-            factor.as_ref(),
-            diagonal.as_ref(),
-            subdiagonal.as_ref(),
-            Conj::No,
-            permutation,
-            beside.as_mut(),
-            Par::Seq,
-            stack,
-        );
+        let Some(mut factor) = Indefinite::new(whole.submatrix(0, 0, k, k), r) else { return false };
+        let Some(own) = signs(&factor.pivots()) else { return false };
+        let mut beside = whole.submatrix(0, k, k, r).to_owned();
+        factor.solve(beside.as_mut());
         let is_stable = (0..r).all(|j| (0..k).all(|i| beside[(i, j)].abs() <= 1.0 / THRESHOLD));
         if !is_stable {
             return false;
@@ -194,7 +162,7 @@ impl Front {
         let below = whole.submatrix(k, 0, r, k).to_owned();
         self.keep_from(k);
         let target = MatMut::from_column_major_slice_mut(&mut self.values, r, r);
-        matmul(target, Accum::Add, below.as_ref(), beside.as_ref(), -1.0, Par::Seq);
+        f64::product(target, Accum::Add, below.as_ref(), beside.as_ref(), -1.0, Par::Seq);
         self.candidates = 0;
         found.positive += own.positive;
         found.negative += own.negative;

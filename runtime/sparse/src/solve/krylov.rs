@@ -4,7 +4,7 @@
 //! between solves; the number of iterations whether or not they converged.
 //! Has no preconditioner of its own: the operator comes with it. Does not check the solution: `checked` does.
 
-use super::kernels::dot;
+use wfl_dense::sweeps::dot;
 
 /// What an iteration did.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -21,7 +21,6 @@ mod faer_lu;
 mod filtered;
 mod frontal_lu;
 mod inertia;
-mod kernels;
 mod krylov;
 mod ldlt;
 mod library;
@@ -62,6 +61,7 @@ pub use row_owners::RowOwners;
 pub use symmetry::Symmetry;
 
 use crate::csr::{Csr, CsrError};
+use wfl_dense::Par;
 use wfl_host::memory::TooMuchMemory;
 
 /// Precision of the factors of a bulk that stands alone and of the capacitance matrix of the contact forces. Residuals and
@@ -408,10 +408,10 @@ fn worthwhile_threads(threads: usize, operations: f64) -> usize {
     if operations < PARALLEL_OPERATIONS { 1 } else { threads }
 }
 
-/// How faer's kernels share so many multiplications.
-fn parallelism(threads: usize, operations: f64) -> faer::Par {
+/// How the dense kernels share so many multiplications.
+fn parallelism(threads: usize, operations: f64) -> Par {
     match worthwhile_threads(threads, operations) {
-        0 | 1 => faer::Par::Seq,
-        threads => faer::Par::rayon(threads),
+        0 | 1 => Par::Seq,
+        threads => Par::rayon(threads),
     }
 }

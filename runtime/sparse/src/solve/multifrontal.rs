@@ -16,14 +16,8 @@
 
 use std::ops::Range;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{LltError, LltRegularization, cholesky_in_place, cholesky_in_place_scratch};
-use faer::linalg::matmul::matmul;
-use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
-use faer::prelude::{Reborrow, ReborrowMut};
-use faer::{Accum, MatMut, Par};
 use rayon::prelude::*;
+use wfl_dense::{Accum, MatMut, Par, Real, Reborrow, ReborrowMut, Work, lower_product};
 
 use super::SolveError;
 use super::contributions::{Contributions, Extent, WHAT, give_back, shorten, stacks};
@@ -67,7 +61,7 @@ struct Workspace {
     stack: Vec<f64>,
     /// Numbers on the stack, at most.
     size: usize,
-    memory: MemBuffer,
+    memory: Work,
     waiting: Contributions,
 }
 
@@ -288,8 +282,7 @@ impl Panel<'_> {
 
 impl Workspace {
     fn new(extent: Extent) -> Result<Self, SolveError> {
-        let scratch = cholesky_in_place_scratch::<f64>(extent.columns, Par::Seq, Default::default());
-        let memory = MemBuffer::try_new(scratch)
+        let memory = Work::of_cholesky::<f64>(extent.columns, Par::Seq)
             .map_err(|_| refused_by_the_system(None, "work space of a sparse factorisation"))?;
         let waiting = Contributions::with_capacity(extent.depth);
         Ok(Self { stack: Vec::new(), size: extent.stack, memory, waiting })
@@ -389,33 +382,21 @@ fn scatter_front(symbolic: &Symbolic, front: usize, matrix_values: &[f64], panel
 
 /// Cholesky of the columns of a front; `own` becomes the lower half, as in [`packed`], of minus the product of the rows
 /// below. An error is the column whose pivot is not positive.
-fn eliminate(panel: &mut [f64], own: &mut [f64], k: usize, par: Par, memory: &mut MemBuffer) -> Result<(), usize> {
+fn eliminate(panel: &mut [f64], own: &mut [f64], k: usize, par: Par, memory: &mut Work) -> Result<(), usize> {
     let m = panel.len() / k;
     let (mut top, mut bottom) = MatMut::from_column_major_slice_mut(panel, m, k).split_at_row_mut(k);
-    let stack = MemStack::new(memory);
-    cholesky_in_place(top.rb_mut(), LltRegularization::default(), par, stack, Default::default())
-        .map_err(|LltError::NonPositivePivot { index }| index)?;
+    f64::cholesky(top.rb_mut(), par, memory)?;
     if m == k {
         return Ok(());
     }
-    solve_lower_triangular_in_place(top.rb(), bottom.rb_mut().transpose_mut(), par);
+    f64::solve_lower(top.rb(), bottom.rb_mut().transpose_mut(), par);
     for block in packed::blocks(m - k) {
         let target = MatMut::from_column_major_slice_mut(&mut own[block.range()], block.rows, block.columns);
         let (diagonal, rest) = target.split_at_row_mut(block.columns);
         let (beside, below) = bottom.rb().split_at_row(block.first).1.split_at_row(block.columns);
-        triangular::matmul(
-            diagonal,
-            BlockStructure::TriangularLower,
-            Accum::Replace,
-            beside,
-            BlockStructure::Rectangular,
-            beside.transpose(),
-            BlockStructure::Rectangular,
-            -1.0,
-            par,
-        );
+        lower_product(diagonal, Accum::Replace, beside, beside.transpose(), par);
         if below.nrows() > 0 {
-            matmul(rest, Accum::Replace, below, beside.transpose(), -1.0, par);
+            f64::product(rest, Accum::Replace, below, beside.transpose(), -1.0, par);
         }
     }
     Ok(())

@@ -11,8 +11,6 @@
 //! is eliminated before gives them a pivot (de Niet and Wubs 2009).
 //! Does not use values.
 
-use faer::sparse::linalg::amd;
-
 use super::SolveError;
 use crate::csr::Pattern;
 use wfl_host::memory::refused_by_the_system;
@@ -356,7 +354,8 @@ impl Dissection<'_> {
             starts.push(neighbours.len() as u32);
         }
         self.clear(set);
-        let places = faer_minimum_degree(&starts, &neighbours)?;
+        let places = wfl_dense::minimum_degree(&starts, &neighbours)
+            .map_err(|_| refused_by_the_system(None, "minimum degree ordering"))?;
         let before = set.to_vec();
         for (target, place) in set.iter_mut().zip(places) {
             *target = before[place as usize];
@@ -390,20 +389,6 @@ fn cuts(sorted: &[u32], centres: &[[f64; 3]], axis: usize) -> Vec<usize> {
         (None, None) => vec![middle],
         _ => below.into_iter().chain(above).collect(),
     }
-}
-
-/// New order of the nodes of a symmetric graph in compressed form.
-fn faer_minimum_degree(starts: &[u32], neighbours: &[u32]) -> Result<Vec<u32>, SolveError> {
-    use faer::dyn_stack::{MemBuffer, MemStack};
-    let n = starts.len() - 1;
-    let graph = faer::sparse::SymbolicSparseColMatRef::new_checked(n, n, starts, None, neighbours);
-    let mut order = vec![0u32; n];
-    let mut inverse = vec![0u32; n];
-    let mut memory = MemBuffer::try_new(amd::order_scratch::<u32>(n, neighbours.len()))
-        .map_err(|_| refused_by_the_system(None, "minimum degree ordering"))?;
-    amd::order(&mut order, &mut inverse, graph, amd::Control::default(), MemStack::new(&mut memory))
-        .map_err(|_| refused_by_the_system(None, "minimum degree ordering"))?;
-    Ok(order)
 }
 
 /// Renumbers so that the children of every place of the elimination tree of the first part come directly before it.

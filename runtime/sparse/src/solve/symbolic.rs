@@ -10,10 +10,7 @@
 
 use std::ops::Range;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::sparse::SymbolicSparseColMatRef;
-use faer::sparse::linalg::SymbolicSupernodalParams;
-use faer::sparse::linalg::cholesky::{simplicial, supernodal};
+use wfl_dense::Fronts;
 
 use super::SolveError;
 use super::ordering::{Ordering, order};
@@ -370,39 +367,23 @@ impl Plan {
 }
 
 /// Structure of the whole factor, interface included.
-fn supernodes(
-    pattern: &Pattern,
-    ordering: &Ordering,
-) -> Result<supernodal::SymbolicSupernodalCholesky<u32>, SolveError> {
-    let n = pattern.n_rows();
+fn supernodes(pattern: &Pattern, ordering: &Ordering) -> Result<Fronts, SolveError> {
     let (starts, rows, _) = triangle(pattern, ordering, |row, column| row <= column);
-    let upper = SymbolicSparseColMatRef::new_unsorted_checked(n, n, &starts, None, &rows);
-    let out_of_memory = || refused_by_the_system(None, "the analysis of a sparse factorisation");
-    let mut memory = MemBuffer::try_new(
-        simplicial::prefactorize_symbolic_cholesky_scratch::<u32>(n, rows.len())
-            .or(supernodal::factorize_supernodal_symbolic_cholesky_scratch::<u32>(n)),
-    )
-    .map_err(|_| out_of_memory())?;
-    let stack = MemStack::new(&mut memory);
-    let mut parents = vec![0i32; n];
-    let mut counts = vec![0u32; n];
-    let tree = simplicial::prefactorize_symbolic_cholesky::<u32>(&mut parents, &mut counts, upper, stack);
-    let parameters = SymbolicSupernodalParams { relax: Some(RELAXATION) };
-    supernodal::factorize_supernodal_symbolic_cholesky(upper, tree, &counts, stack, parameters)
-        .map_err(|_| out_of_memory().into())
+    wfl_dense::fronts(pattern.n_rows(), &starts, &rows, RELAXATION)
+        .map_err(|_| refused_by_the_system(None, "the analysis of a sparse factorisation").into())
 }
 
 /// Columns and rows of the fronts with less than `end` columns; one that reaches over the end is cut there.
-fn clip(supernodes: &supernodal::SymbolicSupernodalCholesky<u32>, end: u32) -> (Vec<u32>, Vec<usize>, Vec<u32>) {
+fn clip(supernodes: &Fronts, end: u32) -> (Vec<u32>, Vec<usize>, Vec<u32>) {
     let (mut columns, mut row_starts, mut rows) = (Vec::new(), vec![0], Vec::new());
-    for front in 0..supernodes.n_supernodes() {
-        let (first, last) = (supernodes.supernode_begin()[front], supernodes.supernode_end()[front]);
+    for front in 0..supernodes.len() {
+        let [first, last] = supernodes.columns(front);
         if first >= end {
             break;
         }
         columns.push(first);
         rows.extend(last.min(end)..last);
-        rows.extend_from_slice(supernodes.supernode(front).pattern());
+        rows.extend_from_slice(supernodes.rows(front));
         row_starts.push(rows.len());
     }
     columns.push(end);

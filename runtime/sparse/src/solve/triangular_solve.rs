@@ -6,12 +6,10 @@
 use rayon::prelude::*;
 
 use super::contributions::{Contributions, Extent};
-use super::kernels::{
-    Diagonal, divide_by_pivots, lower_solve, lower_transposed_solve, subtract_product, subtract_transposed_product,
-    upper_solve, upper_transposed_solve,
-};
 use super::multifrontal::Panel;
 use super::symbolic::{INTERFACE, Plan, Symbolic, Task};
+use wfl_dense::Real;
+use wfl_dense::sweeps::{Diagonal, divide_by_pivots, subtract_product, subtract_transposed_product};
 
 /// Below this number of values of the factor, a triangular solve costs less than waking threads.
 const PARALLEL_VALUES: f64 = 5e5;
@@ -334,15 +332,15 @@ impl Workspace {
             }
         }
         match (factor, transpose) {
-            (FrontFactor::Cholesky { panel: Panel::Double(l) }, _) => lower_solve(l, Diagonal::Stored, x, own),
-            (FrontFactor::Cholesky { panel: Panel::Single(l) }, _) => lower_solve(l, Diagonal::Stored, x, own),
+            (FrontFactor::Cholesky { panel: Panel::Double(l) }, _) => f64::lower_solve(l, Diagonal::Stored, x, own),
+            (FrontFactor::Cholesky { panel: Panel::Single(l) }, _) => f32::lower_solve(l, Diagonal::Stored, x, own),
             (FrontFactor::Lu { panel, pivots, .. }, Transpose::No) => {
                 let permuted = &mut self.front[..k];
                 for (value, &row) in permuted.iter_mut().zip(pivots) {
                     *value = x[row as usize];
                 }
                 x.copy_from_slice(permuted);
-                lower_solve(panel, Diagonal::Unit, x, own);
+                f64::lower_solve(panel, Diagonal::Unit, x, own);
             }
             (FrontFactor::Ldlt { panel, pivots, first, .. }, _) => {
                 let permuted = &mut self.front[..k];
@@ -350,10 +348,10 @@ impl Workspace {
                     *value = x[(row - first) as usize];
                 }
                 x.copy_from_slice(permuted);
-                lower_solve(panel, Diagonal::Unit, x, own);
+                f64::lower_solve(panel, Diagonal::Unit, x, own);
             }
             (FrontFactor::Lu { panel, upper, .. }, Transpose::Yes) => {
-                upper_transposed_solve(panel, k + r, x);
+                f64::upper_transposed_solve(panel, k + r, x);
                 subtract_transposed_product(upper, x, own);
             }
         }
@@ -381,14 +379,14 @@ impl Workspace {
         }
         match (factor, transpose) {
             (FrontFactor::Cholesky { panel: Panel::Double(l) }, _) => {
-                lower_transposed_solve(l, Diagonal::Stored, x, rows);
+                f64::lower_transposed_solve(l, Diagonal::Stored, x, rows);
             }
             (FrontFactor::Cholesky { panel: Panel::Single(l) }, _) => {
-                lower_transposed_solve(l, Diagonal::Stored, x, rows);
+                f32::lower_transposed_solve(l, Diagonal::Stored, x, rows);
             }
             (FrontFactor::Ldlt { panel, beside, pivots, first }, _) => {
                 divide_by_pivots(panel, beside, k + r, x);
-                lower_transposed_solve(panel, Diagonal::Unit, x, rows);
+                f64::lower_transposed_solve(panel, Diagonal::Unit, x, rows);
                 let permuted = &mut self.front[..k];
                 for (&value, &row) in x.iter().zip(pivots) {
                     permuted[(row - first) as usize] = value;
@@ -397,10 +395,10 @@ impl Workspace {
             }
             (FrontFactor::Lu { panel, upper, .. }, Transpose::No) => {
                 subtract_product(upper, rows, x);
-                upper_solve(panel, k + r, x);
+                f64::upper_solve(panel, k + r, x);
             }
             (FrontFactor::Lu { panel, pivots, .. }, Transpose::Yes) => {
-                lower_transposed_solve(panel, Diagonal::Unit, x, rows);
+                f64::lower_transposed_solve(panel, Diagonal::Unit, x, rows);
                 let permuted = &mut self.front[..k];
                 for (&value, &row) in x.iter().zip(pivots) {
                     permuted[row as usize] = value;

@@ -8,7 +8,6 @@
 
 use super::super::SolveError;
 use super::super::dense::{Dense, Kind, Number};
-use super::super::kernels::product_by_rows;
 use super::super::triangular_solve::Transpose;
 use super::rows::{Flexibility, PARALLEL_VALUES, Rows, SHARE, Source, fill_products, share};
 use super::update::{LARGEST_PART, Update};
@@ -192,7 +191,7 @@ impl<T: Number> CapacitanceMatrix for Capacitance<T> {
         }
         let share_out = |(share, read): (usize, &mut [f64])| {
             let n = loads.len();
-            product_by_rows(&self.v.values[share * SHARE * n..][..read.len() * n], loads, read);
+            T::product_by_rows(&self.v.values[share * SHARE * n..][..read.len() * n], loads, read);
         };
         let threads = if self.v.values.len() > PARALLEL_VALUES { self.threads } else { 1 };
         share(threads, read, SHARE, share_out);

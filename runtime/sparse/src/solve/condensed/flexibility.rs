@@ -3,11 +3,8 @@
 //! Promises: the same bytes for any number of threads; work on the fronts above loads and displacements alone.
 //! Loads that are near each other in the order of elimination share their fronts: the caller sorts them so.
 
-use faer::linalg::matmul::matmul;
-use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
-use faer::prelude::ReborrowMut;
-use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
+use wfl_dense::{Accum, MatMut, MatRef, Par, ReborrowMut};
 
 use super::super::SolveError;
 use super::super::dense::Number;
@@ -110,13 +107,13 @@ impl FactoredBulk<'_> {
         let (n, first) = (self.symbolic.n_eliminated(), self.symbolic.columns[front] as usize);
         let (top, bottom) = MatRef::from_column_major_slice(T::panel(self.factor, front), k + r, k).split_at_row(k);
         let mut own = columns_of(x, n, first, k, width);
-        solve_lower_triangular_in_place(top, own.rb_mut(), Par::Seq);
+        T::solve_lower(top, own.rb_mut(), Par::Seq);
         if r == 0 {
             return;
         }
         work.resize(r * width, T::default());
         let below = MatMut::from_column_major_slice_mut(&mut work[..r * width], r, width);
-        matmul(below, Accum::Replace, bottom, own.as_ref(), T::nearest(1.0), Par::Seq);
+        T::product(below, Accum::Replace, bottom, own.as_ref(), T::nearest(1.0), Par::Seq);
         for (column, values) in work[..r * width].chunks_exact(r).enumerate() {
             let target = &mut x[column * n..(column + 1) * n];
             for (&row, value) in self.symbolic.rows_of(front).iter().zip(values) {
@@ -141,9 +138,9 @@ impl FactoredBulk<'_> {
         let mut own = columns_of(x, n, first, k, width);
         if r > 0 {
             let below = MatRef::from_column_major_slice(&work[..r * width], r, width);
-            matmul(own.rb_mut(), Accum::Add, bottom.transpose(), below, T::nearest(-1.0), Par::Seq);
+            T::product(own.rb_mut(), Accum::Add, bottom.transpose(), below, T::nearest(-1.0), Par::Seq);
         }
-        solve_upper_triangular_in_place(top.transpose(), own, Par::Seq);
+        T::solve_upper(top.transpose(), own, Par::Seq);
     }
 }
 

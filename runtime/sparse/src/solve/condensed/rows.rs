@@ -5,8 +5,8 @@
 use rayon::prelude::*;
 
 use super::super::dense::Number;
-use super::super::kernels::{TOGETHER, combine};
 use crate::csr::Csr;
+use wfl_dense::sweeps::TOGETHER;
 
 /// Values of V from which a product is shared among threads, and rows in one share.
 pub(super) const PARALLEL_VALUES: usize = 1 << 20;
@@ -99,7 +99,7 @@ pub(super) fn fill_products<T: Number>(
             let mut targets = out[(group[0] - first) * stride..(group[1] - first) * stride].chunks_exact_mut(stride);
             let targets: [&mut [T]; TOGETHER] =
                 std::array::from_fn(|_| targets.next().map_or(&mut [][..], |row| &mut row[columns.clone()]));
-            combine(&factors, &vectors, targets);
+            T::combine(&factors, &vectors, targets);
         }
     }
 }

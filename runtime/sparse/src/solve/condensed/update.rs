@@ -14,13 +14,11 @@
 //! Promises: the same bytes for any number of threads; what is not finite is refused.
 //! Does not decide when a reference has served its time: its owner does.
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef};
 use std::sync::Arc;
+use wfl_dense::{Accum, MatMut, MatRef};
 
 use super::super::SolveError;
 use super::super::dense::{Dense, Kind, Number};
-use super::super::kernels::product_by_rows;
 use super::super::triangular_solve::Transpose;
 use super::rows::{Flexibility, PARALLEL_VALUES, Rows, SHARE, Source, fill_products, share};
 use crate::csr::{Csr, Pattern};
@@ -114,7 +112,7 @@ impl<T: Number> Update<T> {
         let forces = MatRef::from_column_major_slice(&solved, n, k).subrows(0, n_loads);
         let flexibility = MatRef::from_row_major_slice(&v.values, n_read, n_loads);
         let target = MatMut::from_row_major_slice_mut(&mut added, n_read, k);
-        matmul(target, Accum::Replace, flexibility, forces, T::nearest(1.0), par);
+        T::product(target, Accum::Replace, flexibility, forces, T::nearest(1.0), par);
         if solved.iter().chain(&added).any(|value| !value.wide().is_finite()) {
             return Err(SolveError::Internal { what: "the flexibility of changed rows" });
         }
@@ -244,7 +242,7 @@ impl<T: Number> Update<T> {
             // Rows that lie one behind the other are taken together.
             for run in places.chunk_by(|a, b| a + 1 == *b) {
                 let (own, rest) = products.split_at_mut(run.len());
-                product_by_rows(&v.values[run[0] as usize * n..][..run.len() * n], &w[..n], own);
+                T::product_by_rows(&v.values[run[0] as usize * n..][..run.len() * n], &w[..n], own);
                 products = rest;
             }
         };

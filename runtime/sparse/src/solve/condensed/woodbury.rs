@@ -21,7 +21,6 @@
 use std::sync::Arc;
 
 use super::super::SolveError;
-use super::super::kernels::dot;
 use super::super::krylov::{Gmres, Limits, Outcome};
 use super::super::multifrontal::Multifrontal;
 use super::super::symbolic::Symbolic;
@@ -31,6 +30,7 @@ use super::flexibility::{FactoredBulk, Load};
 use super::rows::Rows;
 use crate::csr::{Csr, Pattern};
 use crate::index::NONE;
+use wfl_dense::sweeps::dot;
 
 /// Part of the right-hand side that rounding leaves in the best of cases.
 const ROUNDING: f64 = 1e-15;

@@ -11,13 +11,10 @@
 //! Promises: what is eliminated depends on the numbers alone, never on the number of threads. Nothing is added to a pivot.
 //! Does not know of trees: `tree` does.
 
-use faer::linalg::matmul::matmul;
-use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::prelude::ReborrowMut;
-use faer::{Accum, MatMut, MatRef, Par};
+use wfl_dense::sweeps::{largest_beside, subtract_columns};
+use wfl_dense::{Accum, MatMut, MatRef, Par, Real, ReborrowMut, lower_product};
 
 use super::super::inertia::Inertia;
-use super::super::kernels::{largest_beside, subtract_columns};
 use super::super::packed;
 
 /// A pivot is at least this part of the entries below it: rounding grows by no more than one over it in an elimination.
@@ -243,17 +240,11 @@ impl Elimination<'_> {
             let transposed = l.split_at_row(n - done).0.transpose();
             lower_product(top.rb_mut(), Accum::Add, w.split_at_row(n - done).0, transposed, self.par);
             if m > n {
-                matmul(below, Accum::Add, w.split_at_row(n - done).1, transposed, -1.0, self.par);
+                f64::product(below, Accum::Add, w.split_at_row(n - done).1, transposed, -1.0, self.par);
             }
         }
         at.begin = done;
     }
-}
-
-/// `C = C - A B` or `C = -A B`, the lower triangle alone.
-fn lower_product(c: MatMut<'_, f64>, accum: Accum, a: MatRef<'_, f64>, b: MatRef<'_, f64>, par: Par) {
-    use BlockStructure::{Rectangular, TriangularLower};
-    triangular::matmul(c, TriangularLower, accum, a, Rectangular, b, Rectangular, -1.0, par);
 }
 
 /// Whether two columns bound the entries of L below them.
@@ -330,7 +321,7 @@ pub(super) fn contribution(
         let scaled = MatRef::from_column_major_slice(scaled, block.columns, eliminated).transpose();
         lower_product(diagonal, Accum::Replace, here, scaled, par);
         if below.nrows() > 0 {
-            matmul(rest, Accum::Replace, below, scaled, -1.0, par);
+            f64::product(rest, Accum::Replace, below, scaled, -1.0, par);
         }
     }
 }

@@ -20,6 +20,7 @@ use super::super::symbolic::{Batch, INTERFACE, Plan, Symbolic};
 use super::super::triangular_solve::FrontFactor;
 use super::front::{Elimination, Pivots, Scratch, contribution};
 use super::structure::{Columns, moved};
+use wfl_dense::Par;
 use wfl_host::memory::{claim_numbers, lengthen, refused_by_the_system};
 
 /// A part of the memory that is asked for at least where columns that wait have made a factor larger than foreseen.
@@ -375,7 +376,7 @@ impl Workspace {
     }
 
     /// Makes the contribution of the front that was eliminated last.
-    fn leave(&mut self, context: &Context<'_>, front: usize, par: faer::Par) -> Result<(), SolveError> {
+    fn leave(&mut self, context: &Context<'_>, front: usize, par: Par) -> Result<(), SolveError> {
         let symbolic = context.symbolic;
         let Made { values, candidates, n, eliminated, .. } = *self.made.last().expect("it has just been made");
         let r = symbolic.sizes(front).1;

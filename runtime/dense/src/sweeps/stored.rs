@@ -6,7 +6,7 @@ use pulp::Simd;
 pub(super) const LANES: usize = 8;
 
 /// A number of a factor as it is stored.
-pub(in crate::solve) trait Stored: Copy + Default + Send + Sync + 'static {
+pub trait Stored: Copy + Default + Send + Sync + 'static {
     /// Unit roundoff.
     const ROUNDOFF: f64;
     /// A machine vector of them.

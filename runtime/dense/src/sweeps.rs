@@ -5,17 +5,17 @@
 //! compiler vectorises them; each solve is compiled for every width of vectors, and the widest one that the processor has
 //! is taken. Operations and their order are the same in all.
 //!
-//! Does not factor and does not check pivots.
+//! Those that stand for numbers of either precision are called through [`Real`](crate::Real). Does not factor and does not check pivots.
 
 mod stored;
 
 use pulp::{Arch, Simd, WithSimd};
 use stored::LANES;
-pub(super) use stored::Stored;
+pub use stored::Stored;
 
 /// Diagonal of a triangular matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Diagonal {
+pub enum Diagonal {
     /// Stored on the diagonal.
     Stored,
     /// All ones, not stored.
@@ -39,14 +39,16 @@ macro_rules! widest {
 }
 
 /// `y = y - A x`, A by columns with the length of `y`, four columns at a time.
-pub(super) fn subtract_product<T: Stored>(a: &[T], x: &[f64], y: &mut [f64]) {
+#[inline(never)]
+pub fn subtract_product(a: &[f64], x: &[f64], y: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut [f64]);
     widest!(Operation, simd, |a, x, y| subtract_product_in(simd, a, x, y));
     Arch::new().dispatch(Operation(a, x, y));
 }
 
 /// `y = y - A x`: of each column of A, which are `stride` numbers apart, those from `first` on, as many as y has.
-pub(super) fn subtract_columns(a: &[f64], stride: usize, x: &[f64], first: usize, y: &mut [f64]) {
+#[inline(never)]
+pub fn subtract_columns(a: &[f64], stride: usize, x: &[f64], first: usize, y: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], usize, &'a [f64], usize, &'a mut [f64]);
     widest!(Operation, simd, |a, stride, x, first, y| {
         let n = y.len();
@@ -63,7 +65,8 @@ pub(super) fn subtract_columns(a: &[f64], stride: usize, x: &[f64], first: usize
 }
 
 /// The largest `|a|`; a NaN counts as nothing.
-pub(super) fn largest_beside(a: &[f64]) -> f64 {
+#[inline(never)]
+pub fn largest_beside(a: &[f64]) -> f64 {
     struct Operation<'a, T>(&'a [T], &'a mut [f64; LANES]);
     widest!(Operation, _simd, |a, largest| {
         let (whole, rest) = a.as_chunks::<LANES>();
@@ -84,7 +87,8 @@ pub(super) fn largest_beside(a: &[f64]) -> f64 {
 }
 
 /// Sum of products in [`LANES`] partial sums.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+#[inline(never)]
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut f64);
     widest!(Operation, simd, |a, b, sum| *sum = dot_in(simd, a, b));
     let mut sum = 0.0;
@@ -93,7 +97,8 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// `y = y - Aᵀ x`, A by columns with the length of `x`.
-pub(super) fn subtract_transposed_product<T: Stored>(a: &[T], x: &[f64], y: &mut [f64]) {
+#[inline(never)]
+pub fn subtract_transposed_product(a: &[f64], x: &[f64], y: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut [f64]);
     widest!(Operation, simd, |a, x, y| {
         for (column, out) in a.chunks_exact(x.len()).zip(y) {
@@ -106,7 +111,7 @@ pub(super) fn subtract_transposed_product<T: Stored>(a: &[T], x: &[f64], y: &mut
 }
 
 /// `y = A x`, A by rows with the length of `x`.
-pub(super) fn product_by_rows<T: Stored>(a: &[T], x: &[f64], y: &mut [f64]) {
+pub(crate) fn product_by_rows<T: Stored>(a: &[T], x: &[f64], y: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut [f64]);
     widest!(Operation, simd, |a, x, y| {
         let n = x.len();
@@ -127,7 +132,7 @@ pub(super) fn product_by_rows<T: Stored>(a: &[T], x: &[f64], y: &mut [f64]) {
 }
 
 /// `largest = max(largest, |a|)`, one by one; a NaN in `a` counts as nothing.
-pub(super) fn enlarge<T: Stored>(a: &[T], largest: &mut [f64]) {
+pub(crate) fn enlarge<T: Stored>(a: &[T], largest: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], &'a mut [f64]);
     widest!(Operation, _simd, |a, largest| {
         for (largest, value) in largest.iter_mut().zip(a) {
@@ -139,7 +144,7 @@ pub(super) fn enlarge<T: Stored>(a: &[T], largest: &mut [f64]) {
 }
 
 /// The largest `|a scale|`.
-pub(super) fn largest_of_products<T: Stored>(a: &[T], scale: &[f64]) -> f64 {
+pub(crate) fn largest_of_products<T: Stored>(a: &[T], scale: &[f64]) -> f64 {
     struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut [f64; LANES]);
     widest!(Operation, _simd, |a, scale, largest| {
         let ((a, a_rest), (scale, scale_rest)) = (a.as_chunks::<LANES>(), scale.as_chunks::<LANES>());
@@ -160,7 +165,7 @@ pub(super) fn largest_of_products<T: Stored>(a: &[T], scale: &[f64]) -> f64 {
 }
 
 /// `a = a scale factor`; all factors are powers of two.
-pub(super) fn scale_by<T: Stored>(a: &mut [T], scale: &[f64], factor: f64) {
+pub(crate) fn scale_by<T: Stored>(a: &mut [T], scale: &[f64], factor: f64) {
     struct Operation<'a, T>(&'a mut [T], &'a [f64], f64);
     widest!(Operation, _simd, |a, scale, factor| {
         for (value, scale) in a.iter_mut().zip(scale) {
@@ -171,28 +176,28 @@ pub(super) fn scale_by<T: Stored>(a: &mut [T], scale: &[f64], factor: f64) {
 }
 
 /// Solves `T x = b` with the lower triangle of a panel and subtracts the rectangle times x from `below`.
-pub(super) fn lower_solve<T: Stored>(panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &mut [f64]) {
+pub(crate) fn lower_solve<T: Stored>(panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], Diagonal, &'a mut [f64], &'a mut [f64]);
     widest!(Operation, simd, |panel, diagonal, x, below| lower_solve_in(simd, panel, diagonal, x, below));
     Arch::new().dispatch(Operation(panel, diagonal, x, below));
 }
 
 /// Solves `Tᵀ x = b - Rᵀ below` with the lower triangle T and the rectangle R of a panel.
-pub(super) fn lower_transposed_solve<T: Stored>(panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &[f64]) {
+pub(crate) fn lower_transposed_solve<T: Stored>(panel: &[T], diagonal: Diagonal, x: &mut [f64], below: &[f64]) {
     struct Operation<'a, T>(&'a [T], Diagonal, &'a mut [f64], &'a [f64]);
     widest!(Operation, simd, |panel, diagonal, x, below| lower_transposed_solve_in(simd, panel, diagonal, x, below));
     Arch::new().dispatch(Operation(panel, diagonal, x, below));
 }
 
 /// Solves `U x = b` with the upper triangle of the top of a panel with m rows.
-pub(super) fn upper_solve<T: Stored>(panel: &[T], m: usize, x: &mut [f64]) {
+pub(crate) fn upper_solve<T: Stored>(panel: &[T], m: usize, x: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], usize, &'a mut [f64]);
     widest!(Operation, simd, |panel, m, x| upper_solve_in(simd, panel, m, x));
     Arch::new().dispatch(Operation(panel, m, x));
 }
 
 /// Solves `Uᵀ x = b` with the upper triangle of the top of a panel with m rows.
-pub(super) fn upper_transposed_solve<T: Stored>(panel: &[T], m: usize, x: &mut [f64]) {
+pub(crate) fn upper_transposed_solve<T: Stored>(panel: &[T], m: usize, x: &mut [f64]) {
     struct Operation<'a, T>(&'a [T], usize, &'a mut [f64]);
     widest!(Operation, simd, |panel, m, x| {
         let k = x.len();
@@ -218,7 +223,8 @@ pub(super) fn upper_transposed_solve<T: Stored>(panel: &[T], m: usize, x: &mut [
 }
 
 /// `x = D⁻¹ x`: D on the diagonal of a panel of m rows, and beside it.
-pub(super) fn divide_by_pivots(panel: &[f64], beside: &[f64], m: usize, x: &mut [f64]) {
+#[inline(never)]
+pub fn divide_by_pivots(panel: &[f64], beside: &[f64], m: usize, x: &mut [f64]) {
     let mut at = 0;
     while at < x.len() {
         let (a, b) = (panel[at * m + at], beside[at]);
@@ -236,11 +242,11 @@ pub(super) fn divide_by_pivots(panel: &[f64], beside: &[f64], m: usize, x: &mut 
 }
 
 /// Rows that [`combine`] makes at once, and the vectors of each that stay in registers.
-pub(super) const TOGETHER: usize = 3;
+pub const TOGETHER: usize = 3;
 const HELD: usize = 3;
 
 /// `targets[r] = Σ factors[k][r] vectors[k]`; targets without room are left out.
-pub(super) fn combine<T: Stored>(factors: &[[T; TOGETHER]], vectors: &[&[T]], targets: [&mut [T]; TOGETHER]) {
+pub(crate) fn combine<T: Stored>(factors: &[[T; TOGETHER]], vectors: &[&[T]], targets: [&mut [T]; TOGETHER]) {
     Arch::new().dispatch(Combine { factors, vectors, targets });
 }
 
