@@ -166,3 +166,93 @@ fn what_has_no_mass_to_give_is_refused() {
     ) + "term of_q on far : (q - u)*Test_q\n";
     assert!(run(&other).outcome.converged());
 }
+
+/// The equation of a node without mass is a static one: E du/dx is the load in each step, however short the steps are. The
+/// inertia beside it is 1e18 times as large in the shortest.
+#[test]
+fn equations_without_mass_hold_in_steps_of_any_length() {
+    for scheme in ["bdf2", "newmark", "newmark beta=0.3025 gamma=0.6"] {
+        for h in ["1e-4", "1e-7", "1e-9"] {
+            let text = format!(
+                "param h = {h}\nmesh box [0] to [1] cells 3 segment\nregion end = faces where x == 0\n\
+                 region first = cells where x < 0.34\nunknown u : scalar\nstart u = 1\nstart Dot_u = 1\n\
+                 term inertia on all : Dot2_u*Test_u\nterm stress on all : 1e5*Grad_u.Grad_Test_u\n\
+                 load u = -sin(t/h/10) on end\nscheme {scheme} massless=end\nsteps t = 0 to 30*h by h\n\
+                 measure stress = mean(1e5*Grad_u(1)) on first\n"
+            );
+            let solved = run(&text);
+            for k in [1, 10, 30] {
+                let (found, exact) = (solved.measure(k, "stress"), f64::from(u32::try_from(k).expect("few")));
+                // of u the last digit, 2e-16, is 7e-11 of stress
+                assert!((found - (0.1 * exact).sin()).abs() < 1e-9, "{scheme} {h} {k}: {found}");
+            }
+        }
+    }
+}
+
+/// A bar that is pushed at its massless end: momentum says that it has the velocity S t. The node moves to its place within one
+/// step; the trapezoidal rule would keep twice that over h as its velocity, with changing sign.
+#[test]
+fn velocities_of_nodes_without_mass_are_those_of_their_motion() {
+    let text = |h: f64| {
+        format!(
+            "mesh box [0] to [1] cells 10 segment\nregion end = faces where x == 0\nunknown u : scalar\n\
+             term inertia on all : Dot2_u*Test_u\nterm stress on all : 1e4*Grad_u.Grad_Test_u\nload u = 1 on end\n\
+             scheme newmark massless=end\nsteps t = 0 to 0.1 by {h}\nmeasure v = mean(Dot_u) on all\n\
+             measure d = mean(u) on all\n"
+        )
+    };
+    for h in [1e-3, 1e-4] {
+        let solved = run(&text(h));
+        let last = solved.outcome.steps.len() - 1;
+        let (v, d) = (solved.measure(last, "v"), solved.measure(last, "d"));
+        // the load of the start acts from the first step on
+        assert!((v / 0.1 - 1.0).abs() < 10.0 * h && (d / 0.005 - 1.0).abs() < 15.0 * h, "{h}: {v} {d}");
+        let before = solved.measure(last - 1, "v");
+        assert!((v - before - h).abs() < 0.1 * h + 1e-4, "{h}: {before} {v}");
+    }
+}
+
+/// A bar with velocity 1 is braked by dry friction of strength 1 at its massless end: v = 1 - t. The run chooses its steps, which are
+/// short while the node finds its place.
+#[test]
+fn friction_brakes_at_nodes_without_mass() {
+    for scheme in ["newmark massless=end", "newmark beta=0.3025 gamma=0.6 massless=end", "bdf2 massless=end"] {
+        let text = format!(
+            "mesh box [0] to [1] cells 3 segment\nregion end = faces where x == 0\nunknown u : scalar\nstart Dot_u = 1\n\
+             term inertia on all : Dot2_u*Test_u\nterm stress on all : 1e5*Grad_u.Grad_Test_u\nparam gamma = 1e6\n\
+             def Pt = gamma*(u - Previous_held)\ndef q = Ball_projection(Pt, 1)\n\
+             state held : scalar on end := Previous_held + (Pt - q)/gamma\nterm friction on end : q*Test_u\n\
+             scheme {scheme}\nsteps t = 0 to 0.1 by auto\nmeasure d = mean(u) on all\nmeasure v = mean(Dot_u) on all\n"
+        );
+        let solved = run(&text);
+        let last = solved.outcome.steps.len() - 1;
+        let (d, v) = (solved.measure(last, "d"), solved.measure(last, "v"));
+        assert!((d / 0.095 - 1.0).abs() < 1e-4 && (v / 0.9 - 1.0).abs() < 1e-3, "{scheme}: {d} {v}");
+        assert!(last < 200, "{scheme}: {last} steps");
+    }
+}
+
+/// A bar rests under its weight, rho g L = 10, on a wall that a multiplier keeps it from: the pressure is there from the start.
+/// With a velocity towards the wall it is pressed on, with one away from it it is free.
+#[test]
+fn a_multiplier_at_nodes_without_mass_is_what_their_equations_say() {
+    let text = |scheme: &str, start: &str| {
+        format!(
+            "mesh box [0] to [1] cells 4 segment\nregion wall = faces where x == 0\nunknown u : scalar\n\
+             multiplier lam : scalar on wall\nquadrature on wall vertex\nparam gamma = 1e4\n\
+             term inertia on all : Dot2_u*Test_u\nterm stress on all : 1e4*Grad_u.Grad_Test_u\nload u = -10 on all\n\
+             {start}def p = pos_part(lam - gamma*u)\nterm contact on wall : -p*Test_u\n\
+             term law on wall : -1/gamma*(lam - p)*Test_lam\nscheme {scheme} massless=wall\n\
+             steps t = 0 to 0.05 by 1e-3\nmeasure pressure = mean(p) on wall\nmeasure v = mean(Dot_u) on all\n"
+        )
+    };
+    let rest = "start u = -1e-3*(x - x^2/2)\n";
+    for scheme in ["newmark", "bdf2"] {
+        let solved = run(&text(scheme, rest));
+        assert!((1..=50).all(|k| (solved.measure(k, "pressure") - 10.0).abs() < 1e-9), "{scheme}");
+        let solved = run(&text(scheme, &format!("{rest}start Dot_u = 1\n")));
+        let (p, v) = (solved.measure(50, "pressure"), solved.measure(50, "v"));
+        assert!(p == 0.0 && (v - 0.5).abs() < 0.02, "{scheme}: {p} {v}");
+    }
+}

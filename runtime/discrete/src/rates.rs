@@ -5,6 +5,7 @@
 //! one; a step can be begun again with another increment as often as needed; fields without rates keep nothing.
 //! Does not solve anything and knows no equations.
 
+mod apart;
 mod driven;
 mod linear;
 mod rounding;
@@ -12,6 +13,7 @@ mod scheme;
 
 use std::{ops::Range, sync::Arc};
 
+use apart::Apart;
 use driven::Both;
 pub use driven::Driven;
 pub use linear::Kept;
@@ -76,6 +78,10 @@ pub struct Rates {
     fields: Vec<FieldRates>,
     /// Unknowns that move as they are prescribed, where the scheme has other rows for them.
     driven: Option<Arc<Driven>>,
+    /// Those and unknowns without mass: what their rates at the end of a step are, no equation says.
+    made_of_values: Option<Arc<Driven>>,
+    /// Where the mass of the equations stands beside the terms.
+    apart: Option<Apart>,
     /// By order and field: what the past gives in the present step; empty for fields without.
     histories: [Vec<Vec<f64>>; 2],
     /// The increment of the step that was begun and whose end is not kept yet.
@@ -121,6 +127,8 @@ impl Rates {
             of_step: RateFactors::default(),
             fields,
             driven: None,
+            made_of_values: None,
+            apart: None,
             histories,
             open: None,
             before: Vec::new(),
@@ -229,9 +237,10 @@ impl Rates {
     #[must_use]
     pub fn second(&self, u: &[f64], before: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; u.len()];
+        let (factor, histories) = self.of_second();
         for of in self.fields.iter().filter(|of| of.form == RateForm::Second) {
-            for (d, past) in of.dofs.clone().zip(self.history(RateOrder::Second, of.field)) {
-                out[d] = self.factors.acceleration * (u[d] - before[d]) + past;
+            for (d, past) in of.dofs.clone().zip(&histories[of.field]) {
+                out[d] = factor * (u[d] - before[d]) + past;
             }
         }
         out
@@ -261,6 +270,7 @@ impl Rates {
         }
         *of_step = *factors;
         *open = Some(increment);
+        self.set_apart();
     }
 
     /// The rates are those that are kept, whatever the unknowns are: where time starts, and at the end of a step.
@@ -272,6 +282,7 @@ impl Rates {
             }
         }
         self.open = None;
+        self.join();
     }
 
     /// The scalars are these, the rates those that are kept: for the mass of the equations.
@@ -280,11 +291,17 @@ impl Rates {
         self.factors = factors;
     }
 
+    /// Whether the rates at the end of a step are other than those its equations are written with: they stand within the step,
+    /// or terms see no second rates in them.
+    #[must_use]
+    pub fn change_at_end(&self) -> bool {
+        self.scheme.offset() != 0.0 || self.apart.is_some()
+    }
+
     /// The state at the end of the step that was begun: `u` holds what its equations were solved for, `before` the state
-    /// at its start. Schemes with their equations within a step extrapolate to its end, for fields with rates; for all
-    /// others nothing changes.
+    /// at its start. Schemes with their equations within a step extrapolate to its end, for fields with rates.
     pub fn finish(&mut self, u: &mut [f64], before: &[f64]) {
-        if self.scheme.offset() == 0.0 || self.open.is_none() {
+        if !self.change_at_end() || self.open.is_none() {
             return;
         }
         self.extrapolate(u, before);
@@ -376,8 +393,9 @@ impl Rates {
             Some(made)
         };
         let mut all = self.fields.iter().map(of_field).collect::<Option<Vec<_>>>()?;
-        for slot in (0..2).filter(|_| self.are_driven()) {
-            let missing = self.missing(slot, [u, before], Self::rows_at_end);
+        let made_of_values = self.made_of_values.as_deref();
+        for slot in (0..2).filter(|_| made_of_values.is_some()) {
+            let missing = self.missing(slot, [u, before], made_of_values, Self::rows_at_end);
             for (of, made) in self.fields.iter().zip(&mut all).filter(|(_, made)| !made[slot].is_empty()) {
                 made[slot].iter_mut().zip(&missing[of.dofs.clone()]).for_each(|(m, x)| *m += x);
             }
@@ -416,6 +434,7 @@ impl Rates {
         let [rate, velocity, acceleration] = memory.factors;
         self.factors = RateFactors { rate, velocity, acceleration };
         self.of_step = self.factors;
+        self.recall_apart();
         true
     }
 }

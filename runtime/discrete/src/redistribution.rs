@@ -3,7 +3,7 @@
 //! A node without mass takes part in the inertia with a value that is extrapolated from nodes beside it, its carriers, by
 //! weights that reproduce affine fields. With S the extrapolation and M the mass matrix, the new mass is S'MS: it has no
 //! entries at the nodes that were relieved, stays symmetric and positive, and gives every rigid motion and every uniform
-//! strain the energy that it had; so total mass, centre of mass and moments of inertia stay. Kept is the difference
+//! strain the energy that it had; so total mass, centre of mass and moments of inertia stay. Kept are S'MS and the difference
 //! S'MS - M, by dof in the axes of the scene. Promises: a function of the mesh and the terms alone. Steps nothing.
 //!
 //! Source: H. B. Khenous, P. Laborde, Y. Renard, Mass redistribution method for finite element contact problems in
@@ -96,8 +96,8 @@ pub fn redistribution(system: &mut System, nodes: &dyn Fn(&Field) -> Vec<u32>) -
     if !relieved.contains(&true) {
         return Err(Unmovable::NoNodes);
     }
-    let difference = difference(&mass(system)?, &carriers)?;
-    Ok(Redistribution::new(difference, relieved))
+    let [left, difference] = redistributed(&mass(system)?, &carriers)?;
+    Ok(Redistribution::new(left, difference, relieved))
 }
 
 /// By relieved node its carriers with their weights; the position of a node that has none.
@@ -200,25 +200,29 @@ fn mass(system: &mut System) -> Result<Csr, SystemError> {
     Ok(made)
 }
 
-/// S'MS - M, where S takes the value of a dof with carriers from them.
-fn difference(mass: &Csr, carriers: &[Option<Weights>]) -> Result<Csr, SystemError> {
-    let mut entries: Vec<(u32, u32, f64)> = Vec::new();
+/// S'MS and S'MS - M, where S takes the value of a dof with carriers from them.
+fn redistributed(mass: &Csr, carriers: &[Option<Weights>]) -> Result<[Csr; 2], SystemError> {
+    let (mut left, mut difference) = (Vec::new(), Vec::new());
     let itself = |dof: u32| vec![(dof, 1.0)];
     for (row, number) in (0..mass.n_rows()).zip(0u32..) {
         let (columns, values) = mass.row(row);
         for (column, value) in columns.iter().zip(values).filter(|(_, value)| **value != 0.0) {
             let (of_row, of_column) = (&carriers[row], &carriers[*column as usize]);
             if of_row.is_none() && of_column.is_none() {
+                left.push((number, *column, *value));
                 continue;
             }
-            entries.push((number, *column, -value));
+            difference.push((number, *column, -value));
             for (r, a) in of_row.clone().unwrap_or_else(|| itself(number)) {
                 let of_column = of_column.clone().unwrap_or_else(|| itself(*column));
-                entries.extend(of_column.into_iter().map(|(c, b)| (r, c, a * value * b)));
+                let entries = || of_column.iter().map(|(c, b)| (r, *c, a * value * b));
+                left.extend(entries());
+                difference.extend(entries());
             }
         }
     }
-    Ok(Csr::from_triplets(mass.n_rows(), mass.n_rows(), &entries)?)
+    let n = mass.n_rows();
+    Ok([Csr::from_triplets(n, n, &left)?, Csr::from_triplets(n, n, &difference)?])
 }
 
 #[cfg(test)]
@@ -256,7 +260,9 @@ mod tests {
         }
         let mass = Csr::from_triplets(4, 4, &entries).unwrap();
         let carriers = [Some(vec![(1, 2.0), (2, -1.0)]), None, None, None];
-        let new = mass.plus(&difference(&mass, &carriers).unwrap()).unwrap();
+        let [new, difference] = redistributed(&mass, &carriers).unwrap();
+        let sum = mass.plus(&difference).unwrap();
+        assert!((0..16).all(|k| (sum.get(k / 4, k % 4) - new.get(k / 4, k % 4)).abs() < 1e-15));
         assert_eq!((0..4).map(|k| new.get(0, k).abs() + new.get(k, 0).abs()).sum::<f64>(), 0.0);
         assert!(new.is_symmetric(1e-15));
         let energy = |m: &Csr, v: [f64; 4]| {

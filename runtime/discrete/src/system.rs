@@ -99,6 +99,8 @@ pub struct System {
     linear: Option<Arc<LinearMatrix>>,
     /// By linear term: the uniforms that the matrix was assembled with.
     linear_uniforms: Vec<Vec<f64>>,
+    /// The scalar of the mass beside the terms that the matrix was assembled with.
+    linear_mass: f64,
     bulk: Arc<Csr>,
     /// The pattern of the changing terms over the free dofs.
     changing: Arc<Pattern>,
@@ -163,6 +165,7 @@ impl System {
             window: Window::default(),
             linear: None,
             linear_uniforms: Vec::new(),
+            linear_mass: 0.0,
             bulk: Arc::new(nothing(n_free)),
             changing: Arc::new(Pattern::empty(n_free, n_free)),
             scene_axes: None,
@@ -360,6 +363,7 @@ impl System {
         if stale {
             self.renew_linear(&zero)?;
             self.linear_uniforms = self.linear_terms().map(|t| t.uniforms().to_vec()).collect();
+            self.linear_mass = self.known.rates.as_ref().map_or(0.0, crate::rates::Rates::factor_apart);
         }
         Ok(stale)
     }

@@ -1,11 +1,12 @@
 //! One load step: the problem, the solver, and what its iterations share; the measures of a state.
 
+mod scales;
+
 use std::time::Instant;
 
 use super::{Evaluated, LARGEST_TOLERANCE, Method, NewtonError, NewtonOptions, StepHistory, Stop, Watch};
 use crate::Iteration;
 use crate::LinearSolver;
-use crate::measures::BodyMeasures;
 use wfl_compiler::types::FieldKind;
 use wfl_contact::Contact;
 use wfl_discrete::assemble::VolumeLimit;
@@ -16,11 +17,6 @@ use wfl_sparse::solve::{SolveError, SolveReport};
 /// The rounding floor in units of roundoff times |K||u|: each entry of a residual is rounded about so often, and errors of
 /// different signs cancel in part.
 const FLOOR_FACTOR: f64 = 4.0;
-
-/// Forces of bodies that are strained by no more than this, in units of roundoff, are taken for rounding until what they are
-/// made of is known: sums over a hundred entries in three directions err by some hundred units, and a strain of 2e-13 is far
-/// below any that is meant.
-const UNSTRAINED: f64 = 1e3;
 
 /// A line search sees an equation relative to at least this part of the largest of its field: the square root of roundoff,
 /// so that rounding of the larger ones weighs as much as a residual of that size does.
@@ -103,16 +99,6 @@ pub struct Spent {
     pub solve: f64,
 }
 
-/// What relative residuals are relative to.
-struct Scales {
-    /// By body.
-    scales: Vec<f64>,
-    /// By body whether it has loads that are more than rounding.
-    loaded: Vec<bool>,
-    /// Bodies have no force but rounding.
-    no_force: bool,
-}
-
 /// A residual with its measures.
 pub(super) struct Measured {
     /// Of the scene as written, or with the frozen active set.
@@ -184,7 +170,9 @@ impl LoadStep<'_> {
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
         system.check_finite("sum of the sizes of summands", &summands, u)?;
         sizes.iter_mut().zip(&summands).for_each(|(size, summand)| *size += summand);
-        let is_multiplier = |body: usize| system.fields[system.field_of_body(body)].kind == FieldKind::Multiplier;
+        let is_multiplier = |body: usize| {
+            body < system.n_bodies() && system.fields[system.field_of_body(body)].kind == FieldKind::Multiplier
+        };
         let mut all = self.body_measures(u, &written, [&sizes, &summands], &scales);
         if all.is_open_by(is_multiplier, self.options.tolerance) && self.are_nothing(u, &mut scales) {
             all = self.body_measures(u, &written, [&sizes, &summands], &scales);
@@ -211,119 +199,6 @@ impl LoadStep<'_> {
         };
         let norm = self.weighted_norm(&residual, norm);
         Ok(Measured { residual, written, summands, relative, floor, settled, bounded, no_force, norm, rounding })
-    }
-
-    /// Residuals by body beside their scales and what rounding leaves: of what cancels by dof, and of the summands of single
-    /// equations.
-    fn body_measures(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 2], of: &Scales) -> BodyMeasures {
-        let (system, [sizes, summands]) = (self.system, sizes);
-        let mut all = BodyMeasures::new(system.n_bodies());
-        let faces_alone = self.contact.is_empty() && !system.has_nonlinear_bodies();
-        let mut unknowns = system.largest_by_body(u);
-        system.team().max(&mut unknowns);
-        let cancelled = system.largest_by_body(sizes);
-        let largest = system.largest_of_free_by_body(&written.values);
-        let kept = system.largest_by_body(&written.linear_sizes);
-        for body in (0..system.n_bodies()).filter(|body| system.range(system.field_of_body(*body)).is_some()) {
-            let rounding = FLOOR_FACTOR * roundoff(unknowns[body]);
-            if system.has_single_equations(system.field_of_body(body)) {
-                let is_free = |d: &usize| system.numbering.free[*d] != FIXED;
-                let equation = |d: usize| [written.values[d].abs(), summands[d], rounding * sizes[d]];
-                let equations: Vec<[f64; 3]> = system.dofs_of_body(body).filter(is_free).map(equation).collect();
-                all.add_equations(body, &equations, self.options.tolerance);
-            } else {
-                // loads are known exactly: a state so far away that they are rounding beside it balances none of them
-                let kept = match (of.loaded[body], faces_alone) {
-                    (true, _) => 0.0,
-                    (false, true) => rounding * kept[body],
-                    (false, false) => f64::INFINITY,
-                };
-                let rounding = [rounding * cancelled[body], kept];
-                all.add_forces(system.body_alike(body), largest[body], of.scales[body], rounding);
-            }
-        }
-        all.of_all(system.team());
-        all
-    }
-
-    /// Finds multipliers that are nothing but rounding beside the forces, and conditions that are as small as rounding of all
-    /// unknowns allows: that is what their equations are relative to then, within the tolerance where rounding is all that is left.
-    fn are_nothing(&self, u: &[f64], scales: &mut Scales) -> bool {
-        let system = self.system;
-        let mut values = system.largest_by_body(u);
-        system.team().max(&mut values);
-        let rounding = FLOOR_FACTOR * f64::EPSILON;
-        let nothing = system.multipliers_beside(&scales.scales, self.tangent).into_iter();
-        let nothing = nothing.zip(&values).map(|([value, size], is)| if *is <= rounding * value { size } else { 0.0 });
-        let mut found = false;
-        let sizes = nothing.zip(system.conditions_beside(u, self.tangent));
-        for (scale, (nothing, condition)) in scales.scales.iter_mut().zip(sizes) {
-            let least = rounding / self.options.tolerance * nothing.max(condition);
-            found |= least > *scale;
-            *scale = scale.max(least);
-        }
-        found
-    }
-
-    /// Whether what is left may be what cancels inside the laws of bodies: of a gradient beside 1, as in `F - Inv(F)'`, the
-    /// rounding is that of 1, and forces of a small strain are known no better than the stiffness over the extent. To find how
-    /// much that is takes another evaluation of all laws.
-    fn may_cancel(&self, written: &Residual) -> bool {
-        let system = self.system;
-        if !system.has_nonlinear_bodies() {
-            return false;
-        }
-        let is_free = |d: usize| system.numbering.free[d] != FIXED;
-        let free: Vec<f64> =
-            written.values.iter().enumerate().map(|(d, x)| if is_free(d) { *x } else { 0.0 }).collect();
-        let (left, stiffness) = (system.largest_of_alike(&free), system.stiffness(self.tangent));
-        let is_force = |body: &usize| {
-            let field = system.field_of_body(*body);
-            system.range(field).is_some() && !system.has_single_equations(field)
-        };
-        let bound = |k: usize| FLOOR_FACTOR * f64::EPSILON * stiffness[k] * system.extent();
-        (0..system.n_bodies()).filter(is_force).all(|k| left[k] <= bound(k))
-    }
-
-    /// By body what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether
-    /// some bodies have no force but rounding: then that is relative to what cancels. Where the largest force is so small that rounding hides the
-    /// tolerance, it is what is left of larger ones, and these are asked for one by one.
-    fn scales(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 2]) -> Evaluated<Scales> {
-        let system = self.system;
-        let [sizes, positions] = sizes;
-        let mut scales = system.scales(written, sizes);
-        let has_forces = |body: &usize| !system.has_single_equations(system.field_of_body(*body));
-        let of_forces: Vec<usize> = system.unknown_bodies().filter(has_forces).collect();
-        let (cancels, moved) = (system.largest_of_alike(sizes), system.largest_of_alike(u));
-        let placed = if positions.is_empty() { vec![0.0; scales.len()] } else { system.largest_of_alike(positions) };
-        let extent = system.extent();
-        let is_hidden = |k: &usize| {
-            let rounding = FLOOR_FACTOR * f64::EPSILON * (cancels[*k] + placed[*k]);
-            // a stiffness over the extent: of a gradient beside 1 the rounding is that of 1
-            let strained = if moved[*k] > 0.0 { cancels[*k] / moved[*k] * extent } else { 0.0 };
-            rounding > self.options.tolerance * scales[*k]
-                || !system.is_linear() && UNSTRAINED * f64::EPSILON * strained > scales[*k]
-        };
-        let mut loaded = system.loaded();
-        if !of_forces.iter().any(is_hidden) {
-            return Ok(Scales { scales, loaded, no_force: false });
-        }
-        let parts = system.largest_of_alike(&system.contributions(u)?);
-        let cancels = system.largest_of_alike(&system.cancelled(u, written));
-        let before = system.past().map(|past| system.largest_of_alike(&past.unknowns));
-        let mut no_force = false;
-        for k in of_forces {
-            scales[k] = largest_of([scales[k], parts[k]]);
-            let rounding = FLOOR_FACTOR * f64::EPSILON * (cancels[k] + placed[k]);
-            // loads are known exactly, however small they are, but for those that were rounding already beside the state at
-            // the end of the last step: what stores much heat feels no load of 1e-300
-            let part = before.as_ref().map_or(0.0, |b| if moved[k] > 0.0 { (b[k] / moved[k]).min(1.0) } else { 0.0 });
-            loaded[k] &= scales[k] > rounding * part;
-            if !loaded[k] && scales[k] <= rounding {
-                (scales[k], no_force) = (cancels[k] + placed[k], true);
-            }
-        }
-        Ok(Scales { scales, loaded, no_force })
     }
 
     /// The 2-norm over the free dofs, each times the weight of its field or of its equation. Where squares leave the range of
@@ -565,11 +440,6 @@ pub(super) struct Done {
     pub(super) changed: usize,
     /// Corrections that it took: none to a start, one to an iteration; a predictor may take more.
     pub(super) corrections: usize,
-}
-
-/// Unit of rounding of some unknowns, relative to the largest: numbers below 1e-308 have fewer digits.
-fn roundoff(largest: f64) -> f64 {
-    if largest > 0.0 { f64::EPSILON.max(f64::from_bits(1) / largest) } else { f64::EPSILON }
 }
 
 /// Contact counts of the terms with kinks that push (the first of each region) and the fingerprint of all branches.

@@ -89,7 +89,7 @@ fn agreed(system: &System, applied: Result<(), BadGiven>, u: &mut [f64]) -> Resu
 
 /// The state at the end of a step whose equations were solved: `u` moves there from where they stand.
 pub(super) fn leave(scene: &mut Solving<'_>, window: Window, u: &mut [f64]) -> Result<(), SystemError> {
-    if offset(scene) == 0.0 {
+    if !scene.system.rates().is_some_and(Rates::change_at_end) {
         return Ok(());
     }
     if let Some((rates, past)) = scene.system.rates_and_past() {
@@ -241,11 +241,15 @@ fn settled(
             }
             Err(failed) => return Err(failed),
         };
-        let (rates, ahead) = ahead(scene.system, [u, known[0], known[1]], &mass, &found, JUST_BEHIND * at.increment);
+        let time = JUST_BEHIND * at.increment;
+        let (mut rates, ahead_of_it) = ahead(scene.system, [u, known[0], known[1]], &mass, &found, time);
+        if mass.leaves_some_out() {
+            rates = ahead(scene.system, [u, known[0], known[1]], &mass, &mass.of_masses(&found), time).0;
+        }
         if scene.contact.is_empty() {
             return Ok((mass, rates));
         }
-        let next = scene.contact.written_at(scene.system, &ahead);
+        let next = scene.contact.written_at(scene.system, &ahead_of_it);
         let stays = match &set {
             Some(set) => *set == next,
             None => tangent(scene, u, at, Branches::Frozen(&next))?.values() == held.values(),
@@ -294,11 +298,13 @@ fn ahead(
 
 /// What the equations multiply the highest rates by where time starts, over the free unknowns.
 pub(crate) struct Mass {
-    /// Rows and columns scaled; unit rows for dofs without mass.
+    /// Rows and columns scaled; dofs without mass have one on the diagonal, and beside it multipliers alone.
     matrix: Csr,
     scale: Vec<f64>,
     rated: Vec<bool>,
     massless: Vec<bool>,
+    /// Dofs without mass whose equation says what a multiplier is.
+    meets_multiplier: Vec<bool>,
     root: f64,
     symmetry: Symmetry,
 }
@@ -314,7 +320,8 @@ impl Mass {
     /// The highest rates of forces, and what has none itself: multipliers.
     fn changes(&self, forces: &[f64], form: As) -> Result<Vec<f64>, NewtonError> {
         let Self { matrix, scale, massless, root, symmetry, .. } = self;
-        let of = |(k, force): (usize, &f64)| if massless[k] { 0.0 } else { force * scale[k] };
+        let of =
+            |(k, force): (usize, &f64)| force * if massless[k] && !self.meets_multiplier[k] { 0.0 } else { scale[k] };
         let rhs: Vec<f64> = forces.iter().enumerate().map(of).collect();
         let mut found = match (form, symmetry) {
             (As::Transposed, Symmetry::General) => mass_solution(&matrix.transpose(), *symmetry, &rhs)?,
@@ -322,6 +329,11 @@ impl Mass {
         };
         found.iter_mut().for_each(|x| *x *= root);
         Ok(found)
+    }
+
+    /// What the equations give, zero for dofs without mass.
+    fn of_masses(&self, found: &[f64]) -> Vec<f64> {
+        found.iter().zip(&self.massless).map(|(x, massless)| if *massless { 0.0 } else { *x }).collect()
     }
 
     /// True if the equations say nothing of the rate of some dof.
@@ -368,7 +380,8 @@ fn mass(
     }
     let numbering = &scene.system.numbering;
     let rated: Vec<bool> = numbering.free_dofs.iter().map(|d| has_rate[*d as usize]).collect();
-    // a dof without mass has no rate that the equations give: it stays at rest
+    // a dof without mass has no rate that the equations give: it stays at rest. Its equation says what a multiplier on it is, whose own
+    // one may hold it
     let relieved = |k: usize| {
         let dof = numbering.free_dofs[k] as usize;
         scene.system.redistribution().is_some_and(|r| r.is_relieved(dof))
@@ -377,8 +390,11 @@ fn mass(
     let massless: Vec<bool> = (0..rated.len()).map(|k| rated[k] && without_mass(k)).collect();
     let scale: Vec<f64> = rated.iter().map(|r| if *r { 1.0 / root } else { root }).collect();
     let symmetry = Symmetry::known(scene.system.is_symmetric() && rated.iter().all(|r| *r));
-    let matrix = scaled(&weighted, &scale, &massless)?;
-    Ok(Mass { matrix, scale, rated, massless, root, symmetry })
+    let matrix = scaled(&weighted, &scale, [&massless, &rated])?;
+    // by the pattern: where contact is open nothing of the multiplier is left, and the force says where the dof goes
+    let meets = |k: usize| massless[k] && weighted.row(k).0.iter().any(|c| !rated[*c as usize]);
+    let meets_multiplier = (0..rated.len()).map(meets).collect();
+    Ok(Mass { matrix, scale, rated, massless, meets_multiplier, root, symmetry })
 }
 
 /// The accelerations with a mass on the diagonal; those that are prescribed stay.
@@ -415,16 +431,16 @@ fn tangent(scene: &mut Solving<'_>, u: &[f64], at: Window, branches: Branches<'_
     Ok(scene.system.whole(own).map_err(SystemError::from)?)
 }
 
-/// Rows and columns scaled; those left out are rows of the unit matrix.
-fn scaled(matrix: &Csr, scale: &[f64], left_out: &[bool]) -> Result<Csr, NewtonError> {
+/// Rows and columns scaled. Dofs that are left out have one on the diagonal, and beside it what has no rate alone.
+fn scaled(matrix: &Csr, scale: &[f64], [left_out, rated]: [&[bool]; 2]) -> Result<Csr, NewtonError> {
     let mut entries = Vec::new();
     for (row, number) in (0..matrix.n_rows()).zip(0u32..) {
+        let (columns, values) = matrix.row(row);
+        let is_kept = |column: usize| (!left_out[row] || !rated[column]) && (!left_out[column] || !rated[row]);
         if left_out[row] {
             entries.push((number, number, 1.0));
-            continue;
         }
-        let (columns, values) = matrix.row(row);
-        let kept = columns.iter().zip(values).filter(|(c, _)| !left_out[**c as usize]);
+        let kept = columns.iter().zip(values).filter(|(c, _)| is_kept(**c as usize));
         entries.extend(kept.map(|(c, v)| (number, *c, scale[row] * v * scale[*c as usize])));
     }
     let made = Csr::from_triplets(matrix.n_rows(), matrix.n_rows(), &entries);

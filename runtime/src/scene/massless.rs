@@ -15,6 +15,13 @@ pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, region: &Ident)
         let near = nearest(&region.name, scene.regions.keys().map(String::as_str));
         return Err(d.did_you_mean(region.span, near).into());
     };
+    if let Some(state) = scene.states.iter().find(|state| state.reads_second_rates()) {
+        let name = &scene.system.fields[state.field].name;
+        let d = Diagnostic::new(Code::E452, format!("the state `{name}` reads accelerations"));
+        let declared = script.fields.iter().find(|f| f.name.name == *name).map_or(region.span, |f| f.name.span);
+        let d = d.at(declared, "").at(region.span, "laws of a step see none where nodes give their mass to others");
+        return Err(d.help("without `massless`, or a state of the velocity").into());
+    }
     let first = scene.steps.first_window();
     let given =
         |error| Diagnostic::new(Code::E452, format!("the mass cannot be computed: {error}")).at(region.span, "");

@@ -12,7 +12,7 @@ use std::{
 use wfl::{Code, Diagnostic, FieldKind as Declared, Span, ast::Place};
 use wfl_compiler::{
     ValueLaw, compile_value,
-    types::{InputSlot, PlaceSig},
+    types::{InputSlot, PlaceSig, RateOrder},
 };
 
 use super::{
@@ -50,6 +50,12 @@ impl StateUpdate {
     /// leaves out points without an image.
     pub(crate) fn at_points(&self) -> Option<(&Value, &Sampled)> {
         self.nodes.is_none().then_some((&self.value, &self.sampled))
+    }
+
+    /// Whether its update reads second rates.
+    pub(super) fn reads_second_rates(&self) -> bool {
+        let is_second = |slot: &InputSlot| matches!(slot, InputSlot::History(RateOrder::Second, _));
+        self.value.law.inputs.iter().any(is_second)
     }
 
     /// Its next values, in the order of its nodes, from the solution `u` at the end of a step. Points without an image

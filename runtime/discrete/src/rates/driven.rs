@@ -79,6 +79,16 @@ impl Driven {
         made
     }
 
+    /// With dofs in the axes of the scene, whole nodes of them.
+    fn with(&self, dofs: &[usize]) -> Self {
+        let mut plain = [&self.plain, dofs].concat();
+        plain.sort_unstable();
+        plain.dedup();
+        let is_whole = |first: &usize| dofs.binary_search(first).is_ok();
+        let tilted = self.tilted.iter().filter(|(first, _)| !is_whole(first)).cloned().collect();
+        Self { plain, tilted }
+    }
+
     fn is_empty(&self) -> bool {
         self.plain.is_empty() && self.tilted.is_empty()
     }
@@ -115,13 +125,25 @@ impl Rates {
         if driven.is_empty() || !self.scheme.keeps_errors_of_given() {
             return;
         }
-        for of in self.fields.iter_mut().filter(|of| driven.has_some_of(of)) {
+        self.driven = Some(driven.into());
+        self.find_made_of_values();
+    }
+
+    /// What has rates of values alone: driven unknowns and those without mass.
+    pub(super) fn find_made_of_values(&mut self) {
+        let driven = self.driven.as_deref().cloned().unwrap_or_default();
+        let relieved = self.relieved().filter(|_| self.scheme.keeps_errors_of_given());
+        let both = relieved.map_or_else(|| driven.clone(), |relieved| driven.with(relieved));
+        if both.is_empty() {
+            return;
+        }
+        for of in self.fields.iter_mut().filter(|of| both.has_some_of(of)) {
             of.kept[2] = vec![0.0; of.dofs.len()];
             if of.form == RateForm::Second {
                 of.kept[3] = vec![0.0; of.dofs.len()];
             }
         }
-        self.driven = Some(driven.into());
+        self.made_of_values = Some(both.into());
     }
 
     /// What is driven.
@@ -159,7 +181,7 @@ impl Rates {
             return;
         }
         for slot in 0..2 {
-            let missing = self.missing(slot, [u, before], Self::rows_in_equations);
+            let missing = self.missing(slot, [u, before], self.driven(), Self::rows_in_equations);
             for k in 0..self.fields.len() {
                 let of = &self.fields[k];
                 if of.kept[slot].is_empty() {
@@ -167,7 +189,8 @@ impl Rates {
                 }
                 let Some(own) = self.own_history(of, slot) else { return };
                 let all = own.iter().zip(&missing[of.dofs.clone()]).map(|(h, m)| h + m).collect();
-                self.histories[slot][of.field] = all;
+                let field = of.field;
+                self.all_histories_mut()[slot][field] = all;
             }
         }
     }
@@ -187,18 +210,20 @@ impl Rates {
             let mut added = vec![0.0; n];
             for of in self.fields.iter().filter(|of| n > 0 && !of.kept[slot].is_empty()) {
                 let Some(own) = self.own_history(of, slot) else { continue };
-                let with = &self.histories[slot][of.field];
+                let with = &self.histories_of(slot)[of.field];
                 added[of.dofs.clone()].iter_mut().zip(with.iter().zip(&own)).for_each(|(x, (h, own))| *x = h - own);
             }
             added
         })
     }
 
-    /// By dof what a rate by the rows of the scheme misses of that by the rows of driven unknowns; zero along all others.
+    /// By dof what a rate by the rows of the scheme misses of that by the rows of driven unknowns, along these; zero along all
+    /// others.
     pub(super) fn missing<const N: usize>(
         &self,
         slot: usize,
         [u, before]: [&[f64]; 2],
+        along: Option<&Driven>,
         rows: impl Fn(&Self, &FieldRates) -> Option<[Both<Row>; N]>,
     ) -> Vec<f64> {
         let mut all = vec![0.0; u.len()];
@@ -210,7 +235,10 @@ impl Rates {
             let changes = of.dofs.clone().enumerate().map(|(k, d)| of.change(k, u[d] - before[d]));
             made.iter_mut().zip(changes).for_each(|(m, change)| *m += row.change * change);
         }
-        self.part_of_driven(&mut all);
+        match along {
+            Some(driven) => driven.part(&mut all),
+            None => all.fill(0.0),
+        }
         all
     }
 
@@ -227,7 +255,7 @@ impl Rates {
     pub(super) fn rows_at_end(&self, of: &FieldRates) -> Option<[Both<Row>; KEPT]> {
         let lengths = self.lengths()?;
         let own = self.scheme.at_end(of.form, lengths);
-        if !self.are_driven() {
+        if self.made_of_values.is_none() {
             return Some(own.map(|row| Both { own: row, driven: row }));
         }
         let driven = Scheme::of_given(lengths);

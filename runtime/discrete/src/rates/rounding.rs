@@ -39,11 +39,11 @@ impl Rates {
             return None;
         };
         let (mut base, mut held) = (before.to_vec(), self.clone());
-        let (velocity, acceleration) = (self.factors.velocity, self.factors.acceleration);
+        let (velocity, acceleration) = (self.factors.velocity, self.of_second().0);
         let driven = self.added_to_histories();
         for of in self.fields.iter().filter(|of| of.form == RateForm::Second) {
             let [first, second, ..] = &of.kept;
-            let [of_first, of_second] = &mut held.histories;
+            let [of_first, of_second] = held.all_histories_mut();
             let histories = of_first[of.field].iter_mut().zip(&mut of_second[of.field]);
             for ((d, rates), (r, s)) in of.dofs.clone().zip(histories).zip(first.iter().zip(second)) {
                 base[d] = before[d] + h * r;
@@ -56,7 +56,7 @@ impl Rates {
                 history[of.field].iter_mut().zip(added).for_each(|(rate, added)| *rate += added);
             }
         }
-        held.factors = super::RateFactors::default();
+        held.hold_factors();
         Some((base, held))
     }
 }

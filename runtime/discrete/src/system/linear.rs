@@ -9,7 +9,7 @@ use wfl_sparse::csr::{
 
 use super::applied::{At, TermsOperator};
 use super::{System, SystemError, past::stays, pattern};
-use crate::assemble::AssembledTerm;
+use crate::{assemble::AssembledTerm, rates::Rates};
 
 /// The matrix of the linear terms by dof, in the axes of the scene.
 #[derive(Clone, Debug)]
@@ -25,17 +25,20 @@ pub(super) enum LinearMatrix {
 /// What takes the mass from some dofs and gives it to others.
 #[derive(Clone, Debug)]
 pub struct Redistribution {
-    /// What is added to the mass matrix, by dof in the axes of the scene.
+    /// The whole mass that is left, by dof in the axes of the scene.
+    mass: Csr,
+    /// What is added to that of the terms, where these see the second rates.
     difference: Csr,
     /// By dof, whether it has no mass any more.
     relieved: Vec<bool>,
 }
 
 impl Redistribution {
-    /// Of what is added to the mass matrix, by dof in the axes of the scene, and by dof whether it has no mass any more.
+    /// Of the mass that is left and what it has more than that of the terms, by dof in the axes of the scene, and by dof whether
+    /// it has no mass any more.
     #[must_use]
-    pub fn new(difference: Csr, relieved: Vec<bool>) -> Self {
-        Self { difference, relieved }
+    pub fn new(mass: Csr, difference: Csr, relieved: Vec<bool>) -> Self {
+        Self { mass, difference, relieved }
     }
 
     /// Whether a dof has no mass any more.
@@ -63,7 +66,10 @@ impl System {
             let law = &term.law;
             law.tangent_reads_known || law.tangent_has_uniforms && term.uniforms() != uniforms
         };
-        self.linear.is_none() || self.linear_terms().zip(&self.linear_uniforms).any(changed)
+        let apart = self.known.rates.as_ref().map_or(0.0, Rates::factor_apart);
+        self.linear.is_none()
+            || self.linear_mass != apart
+            || self.linear_terms().zip(&self.linear_uniforms).any(changed)
     }
 
     /// Makes the matrix of the linear terms, or the operator in its place.
@@ -176,6 +182,10 @@ impl System {
 
     /// Takes the mass from some nodes, from now on.
     pub fn redistribute(&mut self, redistribution: Redistribution) {
+        if let Some(rates) = &mut self.known.rates {
+            let relieved = redistribution.relieved.iter().enumerate().filter(|(_, is)| **is);
+            rates.stand_apart(relieved.map(|(dof, _)| dof).collect());
+        }
         self.redistribution = Some(Arc::new(redistribution));
         (self.linear, self.steady, self.without_matrix) = (None, None, None);
     }
@@ -186,34 +196,46 @@ impl System {
         self.redistribution.as_deref()
     }
 
-    /// Adds the rows of this rank of the difference of masses.
+    /// Adds the rows of this rank of the mass that stands beside the terms.
     fn add_redistributed_mass(&self, linear: &mut Csr) {
         let (Some(redistribution), Some(rates)) = (&self.redistribution, &self.known.rates) else { return };
-        let (difference, factor) = (&redistribution.difference, rates.factors().acceleration);
-        for row in (0..difference.n_rows()).filter(|row| self.owns(*row)) {
-            let (columns, values) = difference.row(row);
-            for (column, value) in columns.iter().zip(values) {
-                let has_place = linear.add_to(row, *column as usize, factor * value);
-                debug_assert!(has_place, "the pattern has the entries of the difference");
+        // one of them is zero
+        let parts =
+            [(&redistribution.mass, rates.factor_apart()), (&redistribution.difference, rates.factors().acceleration)];
+        for (matrix, factor) in parts.into_iter().filter(|(_, factor)| *factor != 0.0) {
+            for row in (0..matrix.n_rows()).filter(|row| self.owns(*row)) {
+                let (columns, values) = matrix.row(row);
+                for (column, value) in columns.iter().zip(values) {
+                    let has_place = linear.add_to(row, *column as usize, factor * value);
+                    debug_assert!(has_place, "the pattern has the entries of the mass");
+                }
             }
         }
     }
 
-    /// Adds the forces of the difference of masses at accelerations by dof, in the axes of the scene: the rows of this rank.
+    /// Adds the forces that terms which see second rates lack of those of the mass that is left, at accelerations by dof in the axes
+    /// of the scene: the rows of this rank.
     pub fn add_redistributed(&self, accelerations: &[f64], out: &mut [f64]) {
-        let Some(redistribution) = &self.redistribution else { return };
-        let difference = &redistribution.difference;
+        if let Some(redistribution) = &self.redistribution {
+            self.add_inertia(&redistribution.difference, accelerations, out);
+        }
+    }
+
+    fn add_inertia(&self, mass: &Csr, accelerations: &[f64], out: &mut [f64]) {
         for (row, out) in out.iter_mut().enumerate().filter(|(row, _)| self.owns(*row)) {
-            let (columns, values) = difference.row(row);
+            let (columns, values) = mass.row(row);
             *out += columns.iter().zip(values).map(|(c, v)| v * accelerations[*c as usize]).sum::<f64>();
         }
     }
 
-    /// The same at the accelerations that the unknowns `u` have in the present step.
+    /// Adds the inertia that the terms lack at the accelerations that the unknowns `u` have in the present step.
     pub(super) fn add_redistributed_at(&self, u: &[f64], out: &mut [f64]) {
-        let (Some(_), Some(rates), Some(past)) = (&self.redistribution, &self.known.rates, &self.known.previous) else {
+        let (Some(redistribution), Some(rates), Some(past)) =
+            (&self.redistribution, &self.known.rates, &self.known.previous)
+        else {
             return;
         };
-        self.add_redistributed(&rates.second(u, &past.unknowns), out);
+        let mass = if rates.are_apart() { &redistribution.mass } else { &redistribution.difference };
+        self.add_inertia(mass, &rates.second(u, &past.unknowns), out);
     }
 }

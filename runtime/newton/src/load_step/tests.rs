@@ -1,4 +1,4 @@
-use super::*;
+use super::{scales::roundoff, *};
 use crate::{Silent, test_block::LAPLACE, tests::Solving};
 
 fn norm() -> Norm {
