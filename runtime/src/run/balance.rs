@@ -34,7 +34,8 @@ pub(super) struct Balance {
     pub(super) forces: Vec<Vec<f64>>,
     /// The sum of all forces then, by dof in the local frames of nodes.
     pub(super) total: Vec<f64>,
-    /// By term the least and the most that it had taken up at states without any force of it; none where it never was.
+    /// By term the least and the most that it had taken up at states without any force of it, and the most that it gave back
+    /// between two of them; none where it never was.
     pub(super) free: Vec<Vec<f64>>,
 }
 
@@ -74,11 +75,11 @@ impl Balance {
     fn keep_free(&mut self, team: &dyn Team) {
         for ((free, force), work) in self.free.iter_mut().zip(&self.forces).zip(&self.works) {
             if team.all(force.iter().all(|f| *f == 0.0)) {
-                let [least, most] = *free.as_slice() else {
-                    *free = vec![*work; 2];
+                let [least, most, given] = *free.as_slice() else {
+                    *free = vec![*work, *work, 0.0];
                     continue;
                 };
-                *free = vec![least.min(*work), most.max(*work)];
+                *free = vec![least.min(*work), most.max(*work), given.max(most - work)];
             }
         }
     }
@@ -86,7 +87,13 @@ impl Balance {
     /// By term how much more it had taken up at one state without force of it than at another: nothing, if its forces
     /// have a potential and the rule is exact.
     pub(super) fn unreturned(&self) -> impl Iterator<Item = f64> + '_ {
-        self.free.iter().map(|free| free.last().zip(free.first()).map_or(0.0, |(most, least)| most - least))
+        self.free.iter().map(|free| if let [least, most, _] = **free { most - least } else { 0.0 })
+    }
+
+    /// By term how much less it had taken up at a state without force of it than at an earlier one: nothing, if its forces have
+    /// a potential or dissipate.
+    pub(super) fn given(&self) -> impl Iterator<Item = f64> + '_ {
+        self.free.iter().map(|free| free.get(2).copied().unwrap_or(0.0))
     }
 
     /// Adds a step that has ended at `u`; its start is the past of the scene.

@@ -96,31 +96,65 @@ pub(super) fn lost(run: &Ended<'_>) -> Option<Diagnostic> {
         let help = "smaller steps show whether the steps or a term are the cause";
         return Some(Diagnostic::new(Code::W620, text).help(help));
     }
-    let works = energy.terms.iter().zip(balance?.unreturned()).filter(|(name, _)| has_a_potential(scene, name));
-    let (name, value) = works.max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let part = value / largest;
-    (part > energy.limit).then(|| {
-        let text = format!(
-            "between two times at which `{name}` has no force it took up, or gave, the energy {value:.3e}, {part:.1e} of the \
-             largest energy of the run, at most {:.0e} expected",
-            energy.limit
-        );
-        let why = "contact begins and ends within steps that are too long for it, which the balance of the steps does not \
-                   show";
+    let balance = balance?;
+    let kinds = || energy.terms.iter().map(|name| (name, contact_of(scene, name)));
+    let of = |wanted: Contact, works: &mut dyn Iterator<Item = f64>| {
+        let all = kinds().zip(works).filter(|((_, kind), _)| *kind == Some(wanted));
+        let most = all.max_by(|a, b| a.1.total_cmp(&b.1)).map(|((name, _), value)| (name, value));
+        most.filter(|(_, value)| value / largest > energy.limit)
+    };
+    let said = |value: f64| {
+        let limit = energy.limit;
+        format!(
+            "the energy {value:.3e}, {:.1e} of the largest energy of the run, at most {limit:.0e} expected",
+            value / largest
+        )
+    };
+    let why =
+        "contact begins and ends within steps that are too long for it, which the balance of the steps does not show";
+    if let Some((name, value)) = of(Contact::Elastic, &mut balance.unreturned()) {
+        let text = format!("between two times at which `{name}` has no force it took up, or gave, {}", said(value));
         let d = Diagnostic::new(Code::W620, text).at_or_note(scene.place_of_term(name), why);
-        d.help("smaller steps, or a softer contact")
-    })
+        return Some(d.help("smaller steps, or a softer contact"));
+    }
+    let (name, value) = of(Contact::Frictional, &mut balance.given())?;
+    let text = format!("between two times at which `{name}` has no force it gave {}", said(value));
+    let d = Diagnostic::new(Code::W620, text).at_or_note(scene.place_of_term(name), why);
+    let d = d.note("friction takes energy up; only a wall or a belt that moves gives some");
+    Some(d.help("a scheme that damps (bdf2, `newmark` with gamma = 0.53), `massless=` for the nodes of contact, or smaller steps"))
 }
 
-/// Whether a term is a contact whose force follows from the state alone: it gives back what it takes.
-fn has_a_potential(scene: &Solving<'_>, name: &str) -> bool {
+/// A contact by what becomes of the energy that it takes.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Contact {
+    /// Its force follows from the state alone: it gives back what it takes.
+    Elastic,
+    /// With friction: it keeps some.
+    Frictional,
+}
+
+/// What a term is; `None` if it is no contact, or one whose law depends on time or on rates.
+fn contact_of(scene: &Solving<'_>, name: &str) -> Option<Contact> {
     let kind = |field: usize| scene.system.fields.get(field).map(|f| f.kind);
     let is_of_state = |slot: &InputSlot| match slot {
         InputSlot::Field(b) => matches!(kind(b.field.index()), Some(FieldKind::Unknown | FieldKind::Multiplier)),
         InputSlot::Previous(_) | InputSlot::History(..) => false,
         _ => true,
     };
+    let is_of_past = |slot: &InputSlot| match slot {
+        InputSlot::Field(b) => is_of_state(slot) || kind(b.field.index()) == Some(FieldKind::State),
+        InputSlot::History(..) => false,
+        _ => true,
+    };
     let laws = || scene.system.terms.iter().map(|t| &t.law).filter(|law| Energy::is_of(name, &law.name));
-    let selects = |law: &Arc<TermLaw>| law.kinks.iter().all(|k| k.kind == KinkKind::Select) && !law.kinks.is_empty();
-    laws().all(|law| law.prologue.slots.is_empty() && law.inputs.iter().all(is_of_state)) && laws().any(selects)
+    let has = |law: &Arc<TermLaw>, wanted: KinkKind| law.kinks.iter().any(|k| k.kind == wanted);
+    if !laws().any(|law| has(law, KinkKind::Select)) || !laws().all(|law| law.prologue.slots.is_empty()) {
+        return None;
+    }
+    let selects = |law: &Arc<TermLaw>| law.kinks.iter().all(|k| k.kind == KinkKind::Select);
+    if laws().all(|law| law.inputs.iter().all(is_of_state) && selects(law)) {
+        return Some(Contact::Elastic);
+    }
+    let reads_the_past = laws().all(|law| law.inputs.iter().all(is_of_past));
+    (reads_the_past && laws().any(|law| !selects(law))).then_some(Contact::Frictional)
 }
