@@ -2,8 +2,22 @@
 
 use std::process::{Command, Output};
 
-/// Two blocks in the plane or in space; each case adds its terms.
+/// A ring above the floor y = -1, its whole skin a region of contact.
+const RING: usize = 0;
+
+/// Two blocks in the plane or in space, or the [`RING`]; each case adds its terms.
 fn base(dim: usize) -> String {
+    if dim == RING {
+        return "param turn = 0
+param gamma = 5000
+mesh box [0.5,0] to [1,2*pi] cells [2,24] quad map [x*cos(y + turn), x*sin(y + turn)]
+region rim = faces where x^2 + y^2 > 0.9
+unknown u : vector
+def sigma(v) = 40*Div_v*Id(2) + 80*Sym(Grad_v)
+term elastic on all : sigma(u):Grad_Test_u
+"
+        .to_owned();
+    }
     let (mesh, n) = match dim {
         2 => ("mesh box [-1,0] to [1,1] cells [4,2] quad map [x + 0.1*y, y + 0.2*x]", 2),
         _ => ("mesh box [-1,0,0] to [1,1,1] cells [2,2,1] hex map [x + 0.1*y, y + 0.2*x, z]", 3),
@@ -162,6 +176,28 @@ fn right_forms_are_silent_and_named() {
         &["gamma=1e12"],
         &[(NITSCHE, "", "", None, "consistent; symmetric"), (PENALTY, "", "", None, "penalty")],
     );
+}
+
+/// Faces that look away from a floor never meet it: what the law would do there says nothing of it.
+#[test]
+fn a_skin_all_around_a_body_is_judged_where_it_looks_at_the_floor() {
+    let nitsche = "def traction = sigma(u)*Normal\ndef p = pos_part(traction(2) - gamma*(1 + y + u(2)))\n\
+                   term touch on rim : -p*Test_u(2)\n";
+    let penalty = "term touch on rim : -gamma*pos_part(-(1 + y + u(2)))*Test_u(2)\n";
+    for turn in ["0", "0.1", "0.54", "1.57", "3.5"] {
+        let words = [format!("turn={turn}")];
+        let words = words.each_ref().map(String::as_str);
+        judge(
+            &format!("ring_{turn}"),
+            RING,
+            &words,
+            &[
+                (nitsche, "", "", None, "consistent; incomplete variant"),
+                (nitsche, "traction(2) -", "-traction(2) -", Some("W507"), "closed contact balances"),
+                (penalty, "", "", None, ""),
+            ],
+        );
+    }
 }
 
 #[test]

@@ -42,7 +42,7 @@ use wfl_compiler::ProjectionKind;
 
 pub use solve::Left;
 
-use place::{At, Place, Vector};
+use place::{At, Place, TILTED, Vector};
 use solve::{SATISFIED, Sizes, Trial, dot};
 use wfl_contact::{Contact, ContactTerm};
 use wfl_discrete::system::System;
@@ -55,6 +55,8 @@ const ROUNDED: f64 = 1e-4;
 /// Places looked at, evenly over an interface: a law is one formula, a second place tells whether its coefficients
 /// vary.
 const PLACES: usize = 2;
+/// Faces of which one that looks at the obstacle is sought: those of a ring of this many have one within 3 degrees.
+const LOOKED_AT: usize = 64;
 /// The wider of two gaps, in units of the other: a force that grows from one to the other is one of contact.
 const WIDER: f64 = 20.0;
 /// Parts of a friction bound of which one is below the bound in the direction that is tried, of laws that are weaker
@@ -144,8 +146,8 @@ pub fn contact_forms(system: &System, contact: &Contact) -> Vec<ContactForm> {
             continue;
         }
         let mut found: Option<ContactForm> = None;
-        for place in places(piece) {
-            let form = at_place(interface, piece, place, &mut seen);
+        for place in places(piece, PLACES) {
+            let form = on_face(interface, piece, place, &mut seen);
             if found.as_ref().is_none_or(|f| rank(&form.verdict) > rank(&f.verdict)) {
                 found = Some(form);
             }
@@ -171,14 +173,32 @@ fn rank(verdict: &Verdict) -> usize {
     }
 }
 
-fn places(piece: &ContactTerm) -> Vec<(usize, usize)> {
+/// At most so many faces of a term, all over it.
+fn places(piece: &ContactTerm, most: usize) -> Vec<(usize, usize)> {
     let groups = &piece.law().1.domain.groups;
     let all: Vec<(usize, usize)> =
         groups.iter().enumerate().flat_map(|(g, group)| (0..group.entities.len()).map(move |e| (g, e))).collect();
-    all.iter().step_by(all.len().div_ceil(PLACES).max(1)).copied().collect()
+    all.iter().step_by(all.len().div_ceil(most).max(1)).copied().collect()
 }
 
-fn at_place(interface: At<'_>, piece: &ContactTerm, at: (usize, usize), seen: &mut Vec<usize>) -> ContactForm {
+/// What is found at a face. One that looks away from an obstacle never meets it, whatever the law would do there: where the whole
+/// skin of a disc is a region of contact, what counts is the face that looks at the obstacle most.
+fn on_face(interface: At<'_>, piece: &ContactTerm, at: (usize, usize), seen: &mut Vec<usize>) -> ContactForm {
+    let (form, looks) = at_place(interface, piece, at, seen);
+    if !matches!(form.verdict, Verdict::Wrong(_)) || looks > TILTED {
+        return form;
+    }
+    let looks_at =
+        |at: &(usize, usize)| Place::new(interface, piece, at.0, at.1).map_or(f64::NEG_INFINITY, |p| p.looks);
+    let facing = places(piece, LOOKED_AT).into_iter().map(|at| (looks_at(&at), at)).max_by(|a, b| a.0.total_cmp(&b.0));
+    match facing.filter(|(looks, _)| *looks > TILTED).map(|(_, at)| at_place(interface, piece, at, seen).0) {
+        Some(there) if rank(&there.verdict) <= rank(&Verdict::Penalty(0.0)) => there,
+        _ => form,
+    }
+}
+
+/// What is found at a face, and how far it looks at the obstacle: see [`Place`].
+fn at_place(interface: At<'_>, piece: &ContactTerm, at: (usize, usize), seen: &mut Vec<usize>) -> (ContactForm, f64) {
     let system = interface.system;
     let own = system.terms[piece.term].law.name.clone();
     let mut form = ContactForm {
@@ -190,8 +210,10 @@ fn at_place(interface: At<'_>, piece: &ContactTerm, at: (usize, usize), seen: &m
         states: Vec::new(),
         unsaid: None,
     };
+    let mut looks = 1.0;
     match Place::new(interface, piece, at.0, at.1) {
         Ok(place) => {
+            looks = place.looks;
             let terms = place.terms();
             form.terms = terms.iter().map(|t| system.terms[*t].law.name.clone()).collect();
             seen.extend(terms);
@@ -203,7 +225,7 @@ fn at_place(interface: At<'_>, piece: &ContactTerm, at: (usize, usize), seen: &m
         }
         Err(why) => form.verdict = Verdict::NotJudged(why),
     }
-    form
+    (form, looks)
 }
 
 /// Why a place cannot be judged.

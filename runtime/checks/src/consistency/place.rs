@@ -5,6 +5,7 @@
 
 mod direction;
 
+pub(super) use direction::TILTED;
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
@@ -114,6 +115,8 @@ pub(super) struct Place<'a> {
     pub(super) normal: Vector,
     /// The normal of the face out of the first body.
     face: Vector,
+    /// Cosine between that and the direction in which the law presses the body out of an overlap.
+    pub(super) looks: f64,
     /// From the face to the centre of the cell.
     pub(super) size: f64,
     roles: Roles,
@@ -406,8 +409,9 @@ impl<'a> Place<'a> {
         let bulk = [finder.bulk(0, roles.displacement[0])?, finder.bulk(1, roles.displacement[1])?];
         let (a, b) = (mesh.centroid(here), mesh.facet_centroid(facet));
         let size = (0..3).fold(0.0f64, |m, k| m.hypot(a[k] - b[k]));
-        let mut place = Self { dim: domain.dim, normal, face: normal, size, roles, interface, watched, bulk };
-        place.normal = place.direction();
+        let mut place =
+            Self { dim: domain.dim, normal, face: normal, looks: 1.0, size, roles, interface, watched, bulk };
+        (place.normal, place.looks) = place.direction();
         let rest = place.rest();
         let loads = place.interface.iter().filter(|l| l.is_load);
         if loads.flat_map(|l| l.fluxes(&place.roles, &rest)).any(|x| x != 0.0) {
