@@ -83,7 +83,7 @@ pub fn resolve(
 ) -> Checked<ResolvedScript> {
     let mut includes = Includes::new(sources, &mut *loader);
     includes.read(main, Origin::Scene);
-    let (items, mut diagnostics, lost) = includes.finish();
+    let (items, mut diagnostics, lost, replaced) = includes.finish();
     let complete = !diagnostics.iter().any(Diagnostic::is_error);
     let names = Names::collect(&items, &mut diagnostics);
     let defs = || items.iter().filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d) } else { None });
@@ -107,10 +107,11 @@ pub fn resolve(
     resolver.overrides(overrides);
     resolver.sort_regions();
     resolver.missing(&items);
-    let used = resolver.expander.used();
+    let used = resolver.expander.used().to_vec();
+    resolver.diagnostics.extend(replaced.in_use(resolver.sources, defs().zip(used.iter().copied())));
     let info =
         |(d, used): (&crate::ast::MacroDef, &bool)| MacroInfo { name: d.name.clone(), head: d.head, used: *used };
-    resolver.script.macros = defs().zip(used).map(info).collect();
+    resolver.script.macros = defs().zip(&used).map(info).collect();
     resolver.exact_solutions(&defs().collect::<Vec<_>>());
     resolver.finish(main)
 }

@@ -522,7 +522,7 @@ pages! {
          show which it is: the error of the steps falls with their length, a sign or a law that is wrong does not. The balance of a \
          step closes for every law, also for a contact that begins and ends within a few steps and throws the body back \
          faster than it came: a contact without friction that has taken up, or given, energy between two times without \
-         force is told, too.",
+         force is told, too, and one with friction that has given some.",
         "steps t = 0 to 1 by 0.5\nterm inertia on all : Dot2_u.Test_u\nstart Dot_u = [x,0,0]\n\
          scheme backward_euler energy",
         "steps t = 0 to 1 by 0.5\nterm inertia on all : Dot2_u.Test_u\nstart Dot_u = [x,0,0]\n\
@@ -729,5 +729,14 @@ pages! {
          give the groups names of their own in the files.",
         "mesh file \"disc.msh\", \"disc.msh\" moved by [0, 2]",
         "mesh file \"disc.msh\", \"plate.msh\" moved by [0, 2]",
+    ),
+    page(
+        W704,
+        "a macro of the scene takes the place of one of the library",
+        "A macro of a scene with the name of one of the library stands in its place everywhere, in macros of the library, too: so a scene \
+         says what `trac` is and still uses `nitsche`. Here a macro that the scene uses is made with the one that was replaced. A `strain` of \
+         one's own, twice that of the library, doubles `work`. Where that is not meant, give it another name.",
+        "use \"elasticity\"\ndef strain(v) = 2*Sym(Grad_v)\nterm bulk on all : work(u, Test_u, E, nu)",
+        "use \"elasticity\"\ndef shears(v) = 2*Sym(Grad_v)\nterm bulk on all : work(u, Test_u, E, nu)",
     ),
 }

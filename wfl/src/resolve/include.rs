@@ -3,12 +3,13 @@
 use std::collections::BTreeSet;
 
 use crate::{
-    ast::{Item, ItemKind},
+    ast::{Item, ItemKind, MacroDef},
     codes::Code,
     diag::Diagnostic,
     lost::Lost,
     parse::parse,
     source::{SourceId, SourceMap, Span},
+    walk::each_name,
 };
 
 /// Reads the files that a scene names.
@@ -82,6 +83,57 @@ pub(super) enum Origin {
     Library,
 }
 
+/// Macros of the library in whose place those of the scene stand.
+pub(super) struct Replaced {
+    macros: Vec<MacroDef>,
+    /// The sources that are of the library.
+    library: BTreeSet<usize>,
+}
+
+impl Replaced {
+    /// W704 for macros of the scene that others of the library are made with which it uses: a `strain` of its own changes `work`, too.
+    /// None where the two say the same.
+    pub(super) fn in_use<'d>(
+        &self,
+        sources: &SourceMap,
+        defs: impl Iterator<Item = (&'d MacroDef, bool)> + Clone,
+    ) -> Vec<Diagnostic> {
+        let plain = |d: &MacroDef| {
+            let text = sources.snippet(d.body.span);
+            let names = d.formals.iter().map(|f| f.name.as_str()).collect::<Vec<_>>().join(",");
+            format!("{names}={}", text.split_whitespace().collect::<String>())
+        };
+        let of_library = |d: &MacroDef| self.library.contains(&d.head.source.index());
+        let mut found = Vec::new();
+        for before in &self.macros {
+            let name = &before.name.name;
+            let reads = |d: &MacroDef| {
+                let mut reads = false;
+                each_name(&d.body, &mut |word| reads |= word == name && !d.formals.iter().any(|f| f.name == word));
+                reads
+            };
+            let users = defs.clone().filter(|(d, used)| *used && of_library(d) && reads(d));
+            let users: Vec<String> = users.map(|(d, _)| format!("`{}`", d.name.name)).collect();
+            // one of other parameters is not what these call
+            let alike = |d: &&MacroDef| d.formals.len() == before.formals.len();
+            let own = defs.clone().map(|(d, _)| d).find(|d| d.name.name == *name && !of_library(d)).filter(alike);
+            let Some(own) = own.filter(|own| !users.is_empty() && plain(own) != plain(before)) else { continue };
+            let users = users.join(", ");
+            let d = Diagnostic::new(Code::W704, format!("`{name}` takes the place of that of the library"))
+                .at(
+                    own.head,
+                    format!(
+                        "{users} of the library, which the scene uses, {} it, too",
+                        if users.contains(' ') { "read" } else { "reads" }
+                    ),
+                )
+                .at(before.head, "that of the library");
+            found.push(d.help(format!("another name, if {users} should stay as they are")));
+        }
+        found
+    }
+}
+
 /// The statements of a text with those of its included files in place.
 pub(super) struct Includes<'a> {
     pub(super) sources: &'a mut SourceMap,
@@ -109,9 +161,9 @@ impl<'a> Includes<'a> {
         }
     }
 
-    /// All statements, what was found, and what broken statements would have declared. A macro of the library gives way
-    /// to one of the scene of the same name, so that a scene can say what `trac` is and still use `nitsche`.
-    pub(super) fn finish(mut self) -> (Vec<Item>, Vec<Diagnostic>, Lost) {
+    /// All statements, what was found, what broken statements would have declared, and which macros were replaced. A macro of the
+    /// library gives way to one of the scene of the same name, so that a scene can say what `trac` is and still use `nitsche`.
+    pub(super) fn finish(mut self) -> (Vec<Item>, Vec<Diagnostic>, Lost, Replaced) {
         let of_library = |item: &Item| self.library.contains(&item.span.source.index());
         let own: BTreeSet<String> = self
             .items
@@ -119,11 +171,13 @@ impl<'a> Includes<'a> {
             .filter(|i| !of_library(i))
             .filter_map(|i| if let ItemKind::Def(d) = &i.kind { Some(d.name.name.clone()) } else { None })
             .collect();
-        self.items.retain(|i| match &i.kind {
-            ItemKind::Def(d) => !of_library(i) || !own.contains(&d.name.name),
-            _ => true,
-        });
-        (self.items, self.diagnostics, self.lost)
+        let gives_way = |i: &Item| match &i.kind {
+            ItemKind::Def(d) if of_library(i) && own.contains(&d.name.name) => Some(d.clone()),
+            _ => None,
+        };
+        let replaced = self.items.iter().filter_map(gives_way).collect();
+        self.items.retain(|i| gives_way(i).is_none());
+        (self.items, self.diagnostics, self.lost, Replaced { macros: replaced, library: self.library })
     }
 
     /// Reads the text `id` and everything it uses.

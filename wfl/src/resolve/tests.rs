@@ -178,6 +178,28 @@ fn files_are_included_once_and_not_in_circles() {
     assert_eq!(found(&scene("use \"a.wfl\""), &[("a.wfl", "def f = 1**2\n")]), [("E107", "**".to_owned())]);
 }
 
+/// A macro that is replaced is told where others of the library that the scene uses are made with it, and where it says another thing.
+#[test]
+fn a_macro_that_others_of_the_library_are_made_with_is_told() {
+    let told = |def: &str, term: &str| {
+        let text = format!(
+            "param E = 1\nparam nu = 0.3\nuse \"elasticity\"\n{def}\nmesh box [0,0] to [1,1] cells [1,1] quad\n\
+             unknown u : vector\nterm bulk on all : {term}"
+        );
+        let mut sources = SourceMap::default();
+        let main = sources.add("scene.wfl", text);
+        let found = resolve(&mut sources, main, &mut NoFiles, &[]).diagnostics;
+        let told = |d: &&Diagnostic| d.code == Code::W704;
+        found.iter().find(told).map(|d| format!("{} {:?}", d.message, d.labels))
+    };
+    let work = "work(u, Test_u, E, nu)";
+    let said = told("def strain(v) = 2*Sym(Grad_v)", work).expect("a warning");
+    assert!(said.contains("`strain` takes the place") && said.contains("`stress` of the library"), "{said}");
+    assert_eq!(told("def strain(v) = Sym( Grad_v )", work), None, "the same");
+    assert_eq!(told("def strain(v) = 2*Sym(Grad_v)", "strain(u):Grad_Test_u"), None, "no macro of the library is used");
+    assert_eq!(told("def shears(v) = 2*Sym(Grad_v)", work), None);
+}
+
 /// The laws of the library have, for any values of the fields, the value of the terms that the scenes write out.
 #[test]
 fn the_library_says_what_the_scenes_write_out() {
