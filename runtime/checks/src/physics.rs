@@ -443,7 +443,7 @@ fn scrambled(system: &System, u: &[f64]) -> Vec<f64> {
 pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
     let system = state.system;
     let displacements = displacement_groups(system).concat();
-    let mut by_body = system.largest_of_alike(&lengths_of(system, &displacements, state.u));
+    let mut by_body = system.largest_of_alike(state.u);
     (0..by_body.len())
         .filter(|body| !displacements.contains(&system.field_of_body(*body)))
         .for_each(|body| by_body[body] = 0.0);
@@ -461,18 +461,6 @@ pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
         found.checks.extend(defects.into_iter().map(|defect| law_at_points(defect, left)));
     }
     found
-}
-
-/// The numbers of some fields as lengths of vectors, which do not depend on the axes: each component of a node is that of all.
-fn lengths_of(system: &System, fields: &[usize], u: &[f64]) -> Vec<f64> {
-    let mut out = u.to_vec();
-    for (field, range) in fields.iter().filter_map(|f| Some((*f, system.range(*f)?))) {
-        for node in out[range].chunks_exact_mut(system.fields[field].n_components) {
-            let length = node.iter().fold(0.0f64, |sum, x| sum.hypot(*x));
-            node.fill(length);
-        }
-    }
-    out
 }
 
 /// The conditions of contact at a state with these largest displacements, zones that cover no face, and pressures that

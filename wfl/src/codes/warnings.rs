@@ -735,8 +735,8 @@ pages! {
         "a macro of the scene takes the place of one of the library",
         "A macro of a scene with the name of one of the library stands in its place everywhere, in macros of the library, too: so a scene \
          says what `trac` is and still uses `nitsche`. Here a macro that the scene uses is made with the one that was replaced. A `strain` of \
-         one's own, twice that of the library, doubles `work`. Where that is not meant, give it another name.",
-        "use \"elasticity\"\ndef strain(v) = 2*Sym(Grad_v)\nterm bulk on all : work(u, Test_u, E, nu)",
-        "use \"elasticity\"\ndef shears(v) = 2*Sym(Grad_v)\nterm bulk on all : work(u, Test_u, E, nu)",
+         one's own, twice that of the library, doubles the part of `stress` with mu. Where that is not meant, give it another name.",
+        "use \"elasticity\"\ndef strain(v) = 2*Sym(Grad_v)\nterm bulk on all : stress(u, 2, 1):Grad_Test_u",
+        "use \"elasticity\"\nterm bulk on all : stress(u, 2, 1):Grad_Test_u",
     ),
 }
