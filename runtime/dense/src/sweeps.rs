@@ -86,7 +86,7 @@ pub fn largest_beside(a: &[f64]) -> f64 {
     largest.into_iter().fold(0.0, f64::max)
 }
 
-/// Sum of products in [`LANES`] partial sums.
+/// Sum of products, in eight partial sums.
 #[inline(never)]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     struct Operation<'a, T>(&'a [T], &'a [f64], &'a mut f64);
@@ -241,7 +241,7 @@ pub fn divide_by_pivots(panel: &[f64], beside: &[f64], m: usize, x: &mut [f64]) 
     }
 }
 
-/// Rows that [`combine`] makes at once, and the vectors of each that stay in registers.
+/// Rows that [`Real::combine`](crate::Real::combine) makes at once, and the vectors of each that stay in registers.
 pub const TOGETHER: usize = 3;
 const HELD: usize = 3;
 
