@@ -111,6 +111,7 @@ fn a_rigid_motion_of_more_than_a_cell_is_solved() {
 /// balance of the steps does not show, with friction as without. Where the nodes of the floor have no mass it comes to rest, and
 /// contact has taken what friction dissipates.
 #[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn contact_with_friction_that_gives_energy_is_told() {
     let scene = |scheme: &str, friction: f64| {
         format!(
