@@ -160,6 +160,9 @@ fn what_has_no_mass_to_give_is_refused() {
     let explicit = base.replace("scheme newmark massless", "scheme explicit massless");
     let told = refused(&explicit.replace("by contact/(2*n)", "by auto"));
     assert!(told.contains("E452") && told.contains("explicit"), "{told}");
+    let state = base.clone() + "state felt : scalar on wall := Dot2_u\nmeasure most = max(felt) on wall\n";
+    let told = refused(&state);
+    assert!(told.contains("E452") && told.contains("the state `felt` reads accelerations"), "{told}");
     let other = base.replace(
         "unknown u : scalar",
         "region far = faces where x == 10\nunknown q : scalar on far\nunknown u : scalar",

@@ -312,7 +312,11 @@ pub(crate) struct Mass {
 impl Mass {
     /// The highest rates of forces, by free number; zero for what has no rate or no mass.
     pub(crate) fn rates(&self, forces: &[f64], form: As) -> Result<Vec<f64>, NewtonError> {
-        let mut found = self.changes(forces, form)?;
+        // the rate of a dof without mass is none: nothing is given of it, and transposed nothing is asked
+        let mut found = match form {
+            As::Written => self.of_masses(&self.changes(forces, form)?),
+            As::Transposed => self.changes(&self.of_masses(forces), form)?,
+        };
         found.iter_mut().zip(&self.rated).filter(|(_, rated)| !**rated).for_each(|(x, _)| *x = 0.0);
         Ok(found)
     }
@@ -331,9 +335,9 @@ impl Mass {
         Ok(found)
     }
 
-    /// What the equations give, zero for dofs without mass.
-    fn of_masses(&self, found: &[f64]) -> Vec<f64> {
-        found.iter().zip(&self.massless).map(|(x, massless)| if *massless { 0.0 } else { *x }).collect()
+    /// The same, zero for dofs without mass.
+    fn of_masses(&self, numbers: &[f64]) -> Vec<f64> {
+        numbers.iter().zip(&self.massless).map(|(x, massless)| if *massless { 0.0 } else { *x }).collect()
     }
 
     /// True if the equations say nothing of the rate of some dof.
