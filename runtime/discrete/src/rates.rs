@@ -78,6 +78,8 @@ pub struct Rates {
     fields: Vec<FieldRates>,
     /// Unknowns that move as they are prescribed, where the scheme has other rows for them.
     driven: Option<Arc<Driven>>,
+    /// Dofs without mass, rising.
+    without_mass: Arc<[usize]>,
     /// Those and unknowns without mass: what their rates at the end of a step are, no equation says.
     made_of_values: Option<Arc<Driven>>,
     /// Where the mass of the equations stands beside the terms.
@@ -88,6 +90,8 @@ pub struct Rates {
     open: Option<f64>,
     /// The increments of the last steps whose ends are kept, the newest first.
     before: Vec<f64>,
+    /// The length of a step before the first one that given values are taken to have made; `None` from the first step's end on.
+    given_before: Option<f64>,
     /// The largest order of backward differentiation in the next step.
     order: usize,
 }
@@ -99,6 +103,8 @@ pub struct RatesMemory {
     pub factors: [f64; 3],
     /// The increments of the last steps, the newest first; empty before the first one.
     pub before: Vec<f64>,
+    /// The length of the step before the first one that given values are taken to have made.
+    pub given_before: Option<f64>,
     /// What each field that has rates keeps, and what rounding has taken from its values.
     pub kept: Vec<Vec<f64>>,
 }
@@ -127,11 +133,13 @@ impl Rates {
             of_step: RateFactors::default(),
             fields,
             driven: None,
+            without_mass: Arc::default(),
             made_of_values: None,
             apart: None,
             histories,
             open: None,
             before: Vec::new(),
+            given_before: None,
             order: MOST_ORDER,
         };
         this.hold();
@@ -152,13 +160,14 @@ impl Rates {
         let numbers = self.fields.iter_mut().flat_map(|of| of.kept.iter_mut().chain(&mut of.lost));
         numbers.for_each(|numbers| numbers.fill(0.0));
         self.of_step = RateFactors::default();
-        self.before.clear();
+        self.turn();
         self.hold();
     }
 
     /// Rates jump here: backward differentiation begins again with a step of backward Euler.
     pub fn turn(&mut self) {
         self.before.clear();
+        self.given_before = None;
     }
 
     /// The rates at the start, which were taken, are exact: backward differentiation begins with a quotient over a step of no
@@ -292,10 +301,11 @@ impl Rates {
     }
 
     /// Whether the rates at the end of a step are other than those its equations are written with: they stand within the step,
-    /// or terms see no second rates in them.
+    /// or terms see no second rates in them, or those of nodes without mass are made of values.
     #[must_use]
     pub fn change_at_end(&self) -> bool {
-        self.scheme.offset() != 0.0 || self.apart.is_some()
+        let are_made = !self.without_mass.is_empty() && self.scheme.keeps_errors_of_given();
+        self.scheme.offset() != 0.0 || self.apart.is_some() || are_made
     }
 
     /// The state at the end of the step that was begun: `u` holds what its equations were solved for, `before` the state
@@ -367,6 +377,7 @@ impl Rates {
                 before.clone_from(now);
             }
             self.before = self.with_open();
+            self.given_before = None;
             self.open = None;
         }
     }
@@ -393,9 +404,11 @@ impl Rates {
             Some(made)
         };
         let mut all = self.fields.iter().map(of_field).collect::<Option<Vec<_>>>()?;
-        let made_of_values = self.made_of_values.as_deref();
-        for slot in (0..2).filter(|_| made_of_values.is_some()) {
-            let missing = self.missing(slot, [u, before], made_of_values, Self::rows_at_end);
+        for slot in 0..KEPT {
+            let Some(missing) = self.missing(slot, [u, before], self.made_of_values.as_deref(), Self::rows_at_end)
+            else {
+                continue;
+            };
             for (of, made) in self.fields.iter().zip(&mut all).filter(|(_, made)| !made[slot].is_empty()) {
                 made[slot].iter_mut().zip(&missing[of.dofs.clone()]).for_each(|(m, x)| *m += x);
             }
@@ -411,7 +424,8 @@ impl Rates {
         let ended = ended.unwrap_or_else(|| self.fields.iter().map(|of| of.kept.clone()).collect());
         let lost = self.fields.iter().map(|of| of.lost[1].clone());
         let kept = ended.into_iter().zip(lost).flat_map(|(kept, lost)| kept.into_iter().chain([lost])).collect();
-        RatesMemory { factors: [rate, velocity, acceleration], before: self.with_open(), kept }
+        let given_before = self.given_before.filter(|_| self.open.is_none());
+        RatesMemory { factors: [rate, velocity, acceleration], before: self.with_open(), given_before, kept }
     }
 
     /// Goes back to what was remembered; false, and nothing is changed, if that belongs to other fields.
@@ -431,6 +445,7 @@ impl Rates {
         }
         self.hold();
         self.before.clone_from(&memory.before);
+        self.given_before = memory.given_before;
         let [rate, velocity, acceleration] = memory.factors;
         self.factors = RateFactors { rate, velocity, acceleration };
         self.of_step = self.factors;

@@ -21,6 +21,7 @@ mod inspect;
 mod known;
 mod levels;
 mod linear;
+mod massless;
 mod node_layout;
 mod numbering;
 mod operator;
@@ -131,6 +132,8 @@ pub struct System {
     counts: Counts,
     /// What takes the mass from some nodes.
     redistribution: Option<Arc<Redistribution>>,
+    /// Dofs without inertia of bodies that have some elsewhere, rising.
+    static_beside_inertia: Arc<Vec<usize>>,
     /// The terms of finite strain, once they have been asked for.
     finite_strain: OnceLock<Vec<FiniteStrain>>,
     /// Terms have an operator in place of their matrix.
@@ -184,6 +187,7 @@ impl System {
             share: None,
             counts: Counts::default(),
             redistribution: None,
+            static_beside_inertia: Arc::default(),
             finite_strain: OnceLock::new(),
             without_matrix: None,
         };

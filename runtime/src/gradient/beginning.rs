@@ -28,7 +28,7 @@ pub(super) struct Beginning {
     fields: Vec<(RateForm, Range<usize>)>,
     /// Quotients of changes begin as the rates.
     begins_with_rates: bool,
-    /// Where unknowns are driven, half of the increment of the first step: how long before the start their first quotients are.
+    /// Where unknowns are driven, half of the step that they are taken to have made before: how long before the start their first quotients are.
     driven: Option<f64>,
 }
 
@@ -50,7 +50,7 @@ impl Beginning {
         let Some(rates) = step.rates.as_ref().filter(|r| r.are_read_at_start(of_a_list)) else { return Ok(None) };
         let fields = rates.fields().iter().map(|of| (of.form, of.dofs.clone())).collect();
         let begins_with_rates = rates.scheme().most_order(RateForm::First) > 2 && of_a_list;
-        let driven = rates.are_driven().then_some(0.5 * step.window.increment);
+        let driven = rates.given_before().map(|length| 0.5 * length);
         standing.at(0)?;
         if standing.solving.explicit.is_some() {
             return Ok(Some(Self { mass: None, fields, begins_with_rates, driven }));

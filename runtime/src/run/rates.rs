@@ -142,8 +142,7 @@ pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<()
     if let Some(rates) = scene.system.rates_mut() {
         if begins_with_rates && all_known {
             rates.begin_with_rates();
-        }
-        if rates.are_driven() {
+        } else if rates.are_driven() {
             rates.begin_driven(&first, &second, at.increment);
         }
     }

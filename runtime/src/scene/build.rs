@@ -106,7 +106,10 @@ fn with_its_mass(scene: &mut Scene, script: &ResolvedScript, integration: &Integ
     match &integration.massless {
         Some(region) => massless::finish(scene, script, region),
         None if integration.scheme == Scheme::Explicit => explicit::finish(scene, script, integration.fraction),
-        None => Ok(()),
+        None => {
+            scene.system.find_nodes_without_mass();
+            Ok(())
+        }
     }
 }
 

@@ -9,8 +9,6 @@ use super::{RateFactors, Rates};
 /// What terms do not see of the second rates of the step that was begun.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Apart {
-    /// Dofs that gave their mass away, rising.
-    relieved: Vec<usize>,
     /// The scalar of their change; zero between steps.
     factor: f64,
     /// By field the histories of the step; empty between steps.
@@ -18,15 +16,9 @@ pub(super) struct Apart {
 }
 
 impl Rates {
-    /// The mass of the equations stands beside the terms from now on; these dofs have none.
-    pub fn stand_apart(&mut self, relieved: Vec<usize>) {
-        self.apart = Some(Apart { relieved, factor: 0.0, histories: Vec::new() });
-        self.find_made_of_values();
-    }
-
-    /// Dofs without mass.
-    pub(super) fn relieved(&self) -> Option<&[usize]> {
-        self.apart.as_ref().map(|apart| &apart.relieved[..])
+    /// The mass of the equations stands beside the terms from now on.
+    pub fn stand_apart(&mut self) {
+        self.apart = Some(Apart { factor: 0.0, histories: Vec::new() });
     }
 
     /// What the change over the step that was begun is multiplied by in the second rates that terms do not see; zero where they

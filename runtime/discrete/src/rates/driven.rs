@@ -5,6 +5,9 @@
 //! and that of second rates grows. So what is prescribed is differentiated by backward differences of second order, which
 //! forget: its rates and the forces that follow from them are of second order in the step (second rates where steps are equal or
 //! change slowly), and the impulse of a sudden motion is whole.
+//! Backward differentiation has no step before its first one: there it begins with differences, and a motion that begins with an
+//! acceleration would have half of that, and what the next steps make of the error, where these are short, a multiple of it. Of given values
+//! the rates where time starts are known, and with them a step before.
 //! The equations are written with one scalar for all dofs; what is missing is added to the histories.
 
 use std::ops::Range;
@@ -13,7 +16,7 @@ use wfl_compiler::types::RateForm;
 
 use super::{
     FieldRates, Rates, Row, Rows, past,
-    scheme::{KEPT, Scheme},
+    scheme::{KEPT, Lengths, Scheme},
 };
 use crate::frames::Frames;
 
@@ -120,20 +123,26 @@ pub(super) struct Both<T> {
 }
 
 impl Rates {
-    /// Unknowns are driven: before the first step. Schemes whose rates of given values are right leave them alone.
+    /// Unknowns are driven: before the first step. Schemes without rows for given values leave them alone.
     pub fn set_driven(&mut self, driven: Driven) {
-        if driven.is_empty() || !self.scheme.keeps_errors_of_given() {
+        if driven.is_empty() || !self.scheme.has_rows_of_given() {
             return;
         }
         self.driven = Some(driven.into());
         self.find_made_of_values();
     }
 
+    /// The equations of these dofs have no second rates, which rise: before the first step.
+    pub fn set_without_mass(&mut self, dofs: Vec<usize>) {
+        self.without_mass = dofs.into();
+        self.find_made_of_values();
+    }
+
     /// What has rates of values alone: driven unknowns and those without mass.
     pub(super) fn find_made_of_values(&mut self) {
         let driven = self.driven.as_deref().cloned().unwrap_or_default();
-        let relieved = self.relieved().filter(|_| self.scheme.keeps_errors_of_given());
-        let both = relieved.map_or_else(|| driven.clone(), |relieved| driven.with(relieved));
+        let keeps_errors = self.scheme.keeps_errors_of_given();
+        let both = if keeps_errors { driven.with(&self.without_mass) } else { driven };
         if both.is_empty() {
             return;
         }
@@ -160,7 +169,7 @@ impl Rates {
 
     /// The rates of driven unknowns where time starts, first and second ones by dof, are exact: the step before the first one, of
     /// the same length, had the means of a motion with these. A value that jumps in the first step acts with its whole impulse
-    /// then, which it would not behind a step of no length.
+    /// then, which it would not behind a step of no length. Others read nothing of it.
     pub fn begin_driven(&mut self, first: &[f64], second: &[f64], increment: f64) {
         for of in &mut self.fields {
             let [_, _, of_value, of_rate, ..] = &mut of.kept;
@@ -171,17 +180,22 @@ impl Rates {
                 *quotient = second[d];
             }
         }
-        self.before = vec![increment];
+        self.given_before = Some(increment);
+    }
+
+    /// The length of the step before the first one that driven unknowns are taken to have made, in that first step.
+    #[must_use]
+    pub fn given_before(&self) -> Option<f64> {
+        self.given_before
     }
 
     /// Adds to the histories of the step that was begun at `before` what driven unknowns miss of their rates; `u` has their
     /// values where the equations stand.
     pub fn drive(&mut self, u: &[f64], before: &[f64]) {
-        if !self.are_driven() {
-            return;
-        }
         for slot in 0..2 {
-            let missing = self.missing(slot, [u, before], self.driven(), Self::rows_in_equations);
+            let Some(missing) = self.missing(slot, [u, before], self.driven(), Self::rows_in_equations) else {
+                continue;
+            };
             for k in 0..self.fields.len() {
                 let of = &self.fields[k];
                 if of.kept[slot].is_empty() {
@@ -217,29 +231,31 @@ impl Rates {
         })
     }
 
-    /// By dof what a rate by the rows of the scheme misses of that by the rows of driven unknowns, along these; zero along all
-    /// others.
+    /// By dof what a number that a step makes misses by the rows of the scheme of that by the rows of driven unknowns, along these; zero
+    /// along all others. `None` where both have the same rows.
     pub(super) fn missing<const N: usize>(
         &self,
         slot: usize,
         [u, before]: [&[f64]; 2],
         along: Option<&Driven>,
         rows: impl Fn(&Self, &FieldRates) -> Option<[Both<Row>; N]>,
-    ) -> Vec<f64> {
-        let mut all = vec![0.0; u.len()];
+    ) -> Option<Vec<f64>> {
+        let along = along?;
+        let mut all = Vec::new();
         for of in self.fields.iter().filter(|of| !of.kept[slot].is_empty()) {
-            let Some(rows) = rows(self, of) else { continue };
+            let Some(rows) = rows(self, of).filter(|rows| rows[slot].driven != rows[slot].own) else { continue };
+            all.resize(u.len(), 0.0);
             let row = rows[slot].driven.minus(rows[slot].own);
             let made = &mut all[of.dofs.clone()];
             past(&row, &of.kept, made);
             let changes = of.dofs.clone().enumerate().map(|(k, d)| of.change(k, u[d] - before[d]));
             made.iter_mut().zip(changes).for_each(|(m, change)| *m += row.change * change);
         }
-        match along {
-            Some(driven) => driven.part(&mut all),
-            None => all.fill(0.0),
+        if all.is_empty() {
+            return None;
         }
-        all
+        along.part(&mut all);
+        Some(all)
     }
 
     /// Of a vector by dof what acts along the directions of driven unknowns.
@@ -250,24 +266,33 @@ impl Rates {
         }
     }
 
-    /// What is kept at the end of the step that was begun, as rows. What driven unknowns keep beside their rates is kept for all
-    /// unknowns of the field and read for those alone.
+    /// The lengths that rates of given values are made with in the step that was begun, by backward differentiation of second order;
+    /// `None` where they have the rows of all others.
+    fn lengths_of_given(&self) -> Option<Lengths> {
+        let before = self.given_before.as_ref().map_or(&self.before[..], std::slice::from_ref);
+        let have_some = self.given_before.is_some() || self.scheme.keeps_errors_of_given();
+        Some(Lengths::new(self.open?, before).at_most(2)).filter(|_| have_some)
+    }
+
+    /// What is kept at the end of the step that was begun, as rows. What driven unknowns keep beside their rates, where all others keep
+    /// rates alone, is kept for all unknowns of the field and read for those alone.
     pub(super) fn rows_at_end(&self, of: &FieldRates) -> Option<[Both<Row>; KEPT]> {
-        let lengths = self.lengths()?;
-        let own = self.scheme.at_end(of.form, lengths);
-        if self.made_of_values.is_none() {
+        let own = self.scheme.at_end(of.form, self.lengths()?);
+        let Some(lengths) = self.lengths_of_given().filter(|_| self.made_of_values.is_some()) else {
             return Some(own.map(|row| Both { own: row, driven: row }));
-        }
+        };
         let driven = Scheme::of_given(lengths);
-        let rates = |slot| if slot < 2 { own[slot] } else { driven[slot] };
-        Some(std::array::from_fn(|slot| Both { own: rates(slot), driven: driven[slot] }))
+        let is_rate_alone = self.scheme.keeps_errors_of_given();
+        let own: [Row; KEPT] =
+            std::array::from_fn(|slot| if is_rate_alone && slot > 1 { driven[slot] } else { own[slot] });
+        Some(std::array::from_fn(|slot| Both { own: own[slot], driven: driven[slot] }))
     }
 
     /// The rates that the equations of the step that was begun are written with.
     pub(super) fn rows_in_equations(&self, of: &FieldRates) -> Option<[Both<Row>; 2]> {
-        let lengths = self.lengths()?;
-        let Rows(own) = self.scheme.in_equations(of.form, lengths);
-        let Rows(driven) = if self.are_driven() { self.scheme.of_given_in_equations(lengths) } else { Rows(own) };
+        let Rows(own) = self.scheme.in_equations(of.form, self.lengths()?);
+        let lengths = self.lengths_of_given().filter(|_| self.are_driven());
+        let Rows(driven) = lengths.map_or(Rows(own), |lengths| self.scheme.of_given_in_equations(lengths));
         Some([0, 1].map(|slot| Both { own: own[slot], driven: driven[slot] }))
     }
 }
@@ -333,9 +358,39 @@ mod tests {
         }
     }
 
+    /// Backward differentiation takes a parabola as it is from the first step on, however long the steps behind it are.
+    #[test]
+    fn a_motion_may_begin_with_an_acceleration() {
+        for scheme in SCHEMES.into_iter().chain([2, 3].map(|most| Scheme::Bdf { most })) {
+            let motion = |t: f64| 0.3 * t + 0.5 * t * t;
+            let mut made = driven(scheme, RateForm::Second, [0.3, 1.0], 0.1);
+            let mut t = 0.0;
+            for h in [0.1, 1e-4, 0.02, 0.05] {
+                let (x, end) = (along(motion(t)), along(motion(t + h)));
+                t += h;
+                made.begin(h);
+                let offset = scheme.offset();
+                made.drive(&[0, 1].map(|i| end[i] + offset * (x[i] - end[i])), &x);
+                let in_step = made.second(&end, &x)[0] / 0.6;
+                assert!(offset != 0.0 || (in_step - 1.0).abs() < 1e-8, "{scheme:?}: {in_step}");
+                // once more from what is remembered, as behind a step that was rejected
+                let memory = made.memory(&end, &x);
+                made.keep(&end, &x);
+                let mut other = made.clone();
+                assert!(other.recall(&memory));
+                other.begin(0.3);
+                made.begin(0.3);
+                assert_eq!(made.histories, other.histories);
+                made.hold();
+                let [rate, second] = [RateOrder::First, RateOrder::Second].map(|order| made.history(order, 0)[0] / 0.6);
+                assert!((rate - 0.3 - t).abs() < 1e-9 && (second - 1.0).abs() < 1e-8, "{scheme:?}: {rate} {second}");
+            }
+        }
+    }
+
     #[test]
     fn a_sudden_motion_is_forgotten_and_its_impulse_is_whole() {
-        for scheme in SCHEMES {
+        for scheme in SCHEMES.into_iter().chain([Scheme::Bdf { most: 2 }]) {
             let h = 0.01;
             let mut made = driven(scheme, RateForm::Second, [0.0, 0.0], h);
             let (mut x, mut impulse) = (0.0, 0.0);

@@ -95,7 +95,7 @@ impl Rates {
     /// The transpose of [`Self::missing`], from what a result follows of both rates, by dof.
     fn follow_missing<const N: usize>(
         &self,
-        followed: [Vec<f64>; 2],
+        followed: [Vec<f64>; N],
         rows: impl Fn(&Self, &FieldRates) -> Option<[Both<Row>; N]>,
         [u, before]: [&mut [f64]; 2],
         kept: &mut Kept,
@@ -104,9 +104,10 @@ impl Rates {
             return;
         }
         for (slot, mut followed) in followed.into_iter().enumerate() {
+            let have_rows = |rows: &[Both<Row>; N]| rows[slot].driven != rows[slot].own;
             self.part_of_driven(&mut followed);
-            for (own, kept) in self.fields.iter().zip(&mut *kept) {
-                let Some(rows) = rows(self, own).filter(|_| !own.kept[slot].is_empty()) else { continue };
+            for (own, kept) in self.fields.iter().zip(&mut *kept).filter(|(own, _)| !own.kept[slot].is_empty()) {
+                let Some(rows) = rows(self, own).filter(have_rows) else { continue };
                 let row = rows[slot].driven.minus(rows[slot].own);
                 for d in own.dofs.clone() {
                     u[d] += row.change * followed[d];
@@ -142,7 +143,7 @@ impl Rates {
     /// and to what was kept at its start.
     pub fn follow_end(&self, end: &Kept, ends: [&mut [f64]; 2], kept: &mut Kept) {
         let [u, before] = ends;
-        let mut all = [vec![0.0; u.len()], vec![0.0; u.len()]];
+        let mut all = [(); KEPT].map(|()| vec![0.0; u.len()]);
         for ((own, end), kept) in self.fields.iter().zip(end).zip(&mut *kept) {
             for (slot, followed) in end.iter().enumerate().filter(|(_, followed)| !followed.is_empty()) {
                 let Some(rows) = self.rows_at_end(own) else {
@@ -150,9 +151,7 @@ impl Rates {
                     continue;
                 };
                 let row = rows[slot].own;
-                if let Some(all) = all.get_mut(slot) {
-                    all[own.dofs.clone()].copy_from_slice(followed);
-                }
+                all[slot][own.dofs.clone()].copy_from_slice(followed);
                 for (d, f) in own.dofs.clone().zip(followed) {
                     u[d] += row.change * f;
                     before[d] -= row.change * f;
@@ -182,15 +181,20 @@ mod tests {
     fn a_step_and_its_transpose() {
         let newmark = Scheme::Newmark { beta: 0.3, gamma: 0.6 };
         let alpha = Scheme::Alpha(Alpha::generalised(0.6));
-        let all = [(Scheme::Bdf { most: 2 }, false), (Scheme::Bdf { most: 3 }, false), (newmark, false)];
-        for (scheme, is_driven) in all.into_iter().chain([(newmark, true), (alpha, true)]) {
+        let [bdf2, bdf3] = [2, 3].map(|most| Scheme::Bdf { most });
+        let of_given =
+            [(newmark, 3), (alpha, 3), (newmark, 0), (bdf2, 0), (bdf3, 0)].map(|(scheme, n)| (scheme, n, true));
+        for (scheme, n_before, is_driven) in
+            [bdf2, bdf3, newmark].map(|scheme| (scheme, 3, false)).into_iter().chain(of_given)
+        {
             let mut step = rates(scheme);
             if is_driven {
                 let frame = Frame { first: 3, axes: vec![vec![0.6, 0.8], vec![-0.8, 0.6]] };
                 step.set_driven(Driven::new(&Frames::new(vec![frame], 5), [2, 3]));
-                step.begin_with_rates();
+                step.begin_driven(&[0.1, 0.2, 0.3, 0.4, 0.5], &[0.5, 0.4, 0.3, 0.2, 0.1], 0.2);
             }
-            for h in [0.2, 0.3, 0.25] {
+            for h in &[0.2, 0.3, 0.25][..n_before] {
+                let h = *h;
                 step.begin(h);
                 step.keep(&[h, 1.0, -h, 0.5, 2.0 * h], &[0.1; 5]);
             }

@@ -307,6 +307,12 @@ impl Scheme {
         matches!(self, Scheme::Newmark { .. } | Scheme::Alpha(_))
     }
 
+    /// True if rates of given values have rows of their own, in all steps or in the first one.
+    #[must_use]
+    pub(super) fn has_rows_of_given(&self) -> bool {
+        self.keeps_errors_of_given() || matches!(self, Scheme::Bdf { .. })
+    }
+
     /// What is kept of given values under such a scheme: by backward differentiation of second order.
     pub(super) fn of_given(lengths: Lengths) -> [Row; KEPT] {
         bdf(lengths.at_most(2))

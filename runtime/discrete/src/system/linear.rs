@@ -183,10 +183,10 @@ impl System {
     /// Takes the mass from some nodes, from now on.
     pub fn redistribute(&mut self, redistribution: Redistribution) {
         if let Some(rates) = &mut self.known.rates {
-            let relieved = redistribution.relieved.iter().enumerate().filter(|(_, is)| **is);
-            rates.stand_apart(relieved.map(|(dof, _)| dof).collect());
+            rates.stand_apart();
         }
         self.redistribution = Some(Arc::new(redistribution));
+        self.find_nodes_without_mass();
         (self.linear, self.steady, self.without_matrix) = (None, None, None);
     }
 

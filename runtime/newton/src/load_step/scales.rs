@@ -57,13 +57,16 @@ impl LoadStep<'_> {
         all
     }
 
-    /// Adds the equations of nodes that gave their mass away. They have no inertia, beside which in short steps all other forces are
-    /// nothing: measured with the rest of their body they would hold for any state. Their own measure is what cancels in them.
+    /// Adds the equations of nodes without inertia of bodies that have some. Beside that all other forces are
+    /// nothing in short steps: measured with the rest of their body they would hold for any state. Their own measure is what cancels in them.
     fn add_nodes_without_mass(&self, all: &mut BodyMeasures, written: &Residual, sizes: &[f64]) {
         let system = self.system;
-        let Some(redistribution) = system.redistribution() else { return };
+        if system.static_beside_inertia().is_empty() {
+            return;
+        }
         let (mut residual, mut scale) = (0.0f64, 0.0f64);
-        for d in (0..sizes.len()).filter(|d| redistribution.is_relieved(*d) && system.numbering.free[*d] != FIXED) {
+        let is_free = |d: &usize| system.numbering.free[*d] != FIXED;
+        for d in system.static_beside_inertia().iter().copied().filter(is_free) {
             (residual, scale) = (residual.max(written.values[d].abs()), scale.max(sizes[d]));
         }
         let rounding = FLOOR_FACTOR * f64::EPSILON * scale;
