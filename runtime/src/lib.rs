@@ -19,8 +19,8 @@ mod scene;
 pub use wfl_checks::{self as checks, consistency};
 pub use wfl_contact as contact;
 pub use wfl_discrete::{
-    assemble, domain, field, finite, frames, lumped, point_space, point_values, pruning, rates, redistribution, share,
-    space, system,
+    assemble, damping, domain, field, finite, frames, lumped, point_space, point_values, pruning, rates,
+    redistribution, share, space, system,
 };
 use wfl_discrete::{value, window};
 use wfl_host::halo;

@@ -360,3 +360,103 @@ fn a_contact_that_makes_the_steps_too_long_is_told() {
     let v = last(&stable, "v");
     assert!((v - 1.0).abs() < 0.05, "{v}");
 }
+
+/// Inertia that acts on other components, fields or places is no mass of each dof: lumped it would be another motion, or none.
+#[test]
+fn inertia_that_couples_is_refused() {
+    let interval = "mesh box [-1] to [1] cells [4] segment\nregion le = cells where x < 0\nregion ri = cells where x > 0\n\
+                    region mid = interface from le to ri\nregion end = faces where x == -1\n";
+    let square = "mesh box [0,0] to [1,1] cells [2,2] quad\nregion r = faces where x == 1\n";
+    let rest = "scheme explicit\nsteps t = 0 to 0.1 by auto\n";
+    for (mesh, terms, told) in [
+        (square, "unknown u : vector\nterm i on all : ([2,1;1,2]*Dot2_u).Test_u\n", "one component of `u`"),
+        (
+            square,
+            "unknown u : vector\nunknown w : vector\nterm i on all : Dot2_u.Test_u + Dot2_w.Test_w\n\
+                  term c on all : 0.3*(Dot2_u.Test_w + Dot2_w.Test_u)\n",
+            "the inertia of `u` acts on `w`",
+        ),
+        (
+            square,
+            "unknown u : vector\nterm i on all : Dot2_u(1)*Test_u(1) + 3*Dot2_u(2)*Test_u(2)\n\
+                  fix u.[0.6,0.8] = 0 on r\n",
+            "one component of `u`",
+        ),
+        (
+            interval,
+            "unknown u : scalar\nterm i on all : Dot2_u*Test_u\nterm r on all : 0.01*Grad_Dot2_u.Grad_Test_u\n",
+            "from one place on another",
+        ),
+        (
+            interval,
+            "unknown a : scalar on le\nunknown b : scalar on ri\nterm ia on le : Dot2_a*Test_a\n\
+                    term ib on ri : Dot2_b*Test_b\n\
+                    term c on mid : 3*(Dot2_a - Dot2_b)*(Test_a - Test_b)\n",
+            "acts",
+        ),
+        (
+            interval,
+            "unknown q : global\nunknown u : scalar\n\
+                    term i on all : (Dot2_u + Dot2_q)*(Test_u + Test_q)\n",
+            "acts on",
+        ),
+    ] {
+        let text = refused(format!("{mesh}{terms}{rest}"));
+        assert!(text.contains("E455") && text.contains(told), "{terms}{text}");
+    }
+}
+
+/// Dashpots between bodies, components and directions: they leave alone what both of their ends do, whatever their size, and turn
+/// without work what a gyroscope turns. Energy is not asked for.
+#[test]
+fn dashpots_between_dofs_act_at_one_time() {
+    let pair = |c: f64, steps: &str| {
+        format!(
+            "mesh box [-1] to [1] cells [8] segment\nregion le = cells where x < 0\nregion ri = cells where x > 0\n\
+             region mid = interface from le to ri\nunknown a : scalar on le\nunknown b : scalar on ri\n\
+             term ia on le : Dot2_a*Test_a\nterm ib on ri : Dot2_b*Test_b\nterm sa on le : Grad_a.Grad_Test_a\n\
+             term sb on ri : Grad_b.Grad_Test_b\nterm c on mid : {c}*(Dot_a - Dot_b)*(Test_a - Test_b)\n\
+             load a = 1 on le\nload b = 1 on ri\nscheme explicit\nsteps t = 0 to 1 by {steps}\n\
+             measure v = mean(Dot_a) on le\nmeasure w = mean(Dot_b) on ri\n"
+        )
+    };
+    for (c, steps) in [(1.0, "auto"), (100.0, "0.001"), (1e4, "auto")] {
+        let solved = run(pair(c, steps));
+        assert!((last(&solved, "v") - 1.0).abs() < 1e-9 && (last(&solved, "w") - 1.0).abs() < 1e-9, "{c}");
+    }
+    // a load along the direction that an oblique dashpot leaves free
+    let solved = run("mesh box [0,0] to [1,1] cells [2,2] quad\nunknown u : vector\nterm i on all : Dot2_u.Test_u\n\
+                      term d on all : 40*(Dot_u.[0.6,0.8])*(Test_u.[0.6,0.8])\nload u = [-0.8,0.6] on all\n\
+                      scheme explicit\nsteps t = 0 to 1 by 0.01\nmeasure v = mean(Dot_u.[-0.8,0.6]) on all\n"
+        .to_owned());
+    assert!((last(&solved, "v") - 1.0).abs() < 1e-9, "{}", last(&solved, "v"));
+    // a body under Coriolis forces runs in circles at its speed
+    let solved = run("mesh box [0,0] to [1,1] cells [2,2] quad\nunknown u : vector\nterm i on all : Dot2_u.Test_u\n\
+                      term c on all : 2*(Dot_u(1)*Test_u(2) - Dot_u(2)*Test_u(1))\nterm s on all : 100*Sym(Grad_u):Grad_Test_u\n\
+                      start Dot_u = [1,0]\nscheme explicit\nsteps t = 0 to 5 by auto\nmeasure v = mean(Norm(Dot_u)) on all\n\
+                      measure x = mean(Dot_u(1)) on all\n"
+        .to_owned());
+    assert!((last(&solved, "v") - 1.0).abs() < 1e-6, "{}", last(&solved, "v"));
+    assert!((last(&solved, "x") - 10f64.cos()).abs() < 5e-3, "{}", last(&solved, "x"));
+}
+
+/// A stiffness or a damping that grows in time: steps by `auto` are those of the shortest limit of the run, others are refused.
+#[test]
+fn coefficients_that_grow_in_time_shorten_the_limit() {
+    let text = |terms: &str, by: &str| {
+        bar(
+            10,
+            &format!(
+                "start u = 0.01*x*(2 - x)\n{terms}fix u = 0 on left\nscheme explicit\nsteps t = 0 to 3 by {by}\n\
+                          measure m = max(abs(u)) on all\n"
+            ),
+        )
+    };
+    for terms in ["term k on all : 3*t*Grad_u.Grad_Test_u\n", "term d on all : 0.5*t*Grad_Dot_u.Grad_Test_u\n"] {
+        let solved = run(text(terms, "auto"));
+        let most = (0..solved.outcome.steps.len()).map(|k| solved.measure(k, "m").abs()).fold(0.0, f64::max);
+        assert!(most < 0.0101, "{terms}: {most}");
+        let told = refused(text(terms, "0.09"));
+        assert!(told.contains("E456"), "{told}");
+    }
+}

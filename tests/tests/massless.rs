@@ -259,3 +259,13 @@ fn a_multiplier_at_nodes_without_mass_is_what_their_equations_say() {
         assert!(p == 0.0 && (v - 0.5).abs() < 0.02, "{scheme}: {p} {v}");
     }
 }
+
+/// A mass of the faces themselves would be moved by a layer of cells: 10 % of the motion of a bar with a heavy tip and 20 cells.
+#[test]
+fn a_mass_of_the_faces_stays_where_it_is() {
+    let text = "mesh box [0] to [1] cells [20] segment\nregion r = faces where x == 1\nunknown u : scalar\n\
+                term i on all : Dot2_u*Test_u\nterm tip on r : 5*Dot2_u*Test_u\nterm s on all : Grad_u.Grad_Test_u\n\
+                scheme newmark massless=r\nsteps t = 0 to 1 by 0.1\n";
+    let told = refused(text);
+    assert!(told.contains("E452") && told.contains("term tip"), "{told}");
+}

@@ -64,6 +64,7 @@ mod sliding;
 mod small_steps;
 mod solids;
 mod standing;
+mod starts;
 mod surfaces;
 mod tables;
 mod tangents;

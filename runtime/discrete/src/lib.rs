@@ -11,6 +11,7 @@
 
 pub mod areas;
 pub mod assemble;
+pub mod damping;
 pub mod domain;
 pub mod field;
 pub mod finite;

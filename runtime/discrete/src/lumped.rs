@@ -3,7 +3,8 @@
 //! The mass of a dof is the sum of its row of the mass matrix, found by a residual: with the second rate 1 in one component
 //! of one field and zero in all others, the terms with `Dot2_` give the sums of the columns that belong to it. The damping
 //! of a dof is found in the same way from the linear terms with `Dot_`; what couples it with other components and fields
-//! counts with its size, so that the diagonal is never less than the matrix. Promises: no matrix of the linear terms is
+//! counts with its size, so that the diagonal is never less than the matrix, and steps solve for the rest (`damping.rs`). Mass that
+//! couples dofs of different components, fields or bodies is no diagonal: it is refused. Promises: no matrix of the linear terms is
 //! assembled. Steps nothing.
 //!
 //! Sources: T. J. R. Hughes, The Finite Element Method (1987), 7.3.2 for row sums, 9.1 for central differences; the limit
@@ -12,13 +13,14 @@
 
 use wfl_compiler::{
     Class,
-    types::{FieldKind, InputSlot, RateForm, RateOrder, UniformSlot},
+    types::{FieldKind, FieldOp, InputSlot, RateForm, RateOrder, Side, UniformSlot},
 };
 use wfl_sparse::csr::Csr;
 
 use crate::{
     assemble::AssembledTerm,
     finite::largest,
+    frames::Frame,
     rates::{RateFactors, Rates},
     system::{Branches, FIXED, System, SystemError},
     window::Window,
@@ -31,6 +33,8 @@ pub struct Lumped {
     pub mass: Vec<f64>,
     /// Force over velocity; that of linear terms, as far as it stands on the diagonal.
     pub damping: Vec<f64>,
+    /// Linear damping acts between components or fields: a step solves for the velocity at its end.
+    pub couples: bool,
 }
 
 /// The longest stable step.
@@ -56,6 +60,18 @@ pub enum Unlumped {
     Mixed {
         /// The term.
         term: usize,
+    },
+    /// The inertia of a term, by its position, acts between places: through gradients, or from one side of a face on the other.
+    Between {
+        /// The term.
+        term: usize,
+    },
+    /// The inertia of one unknown acts on another one.
+    Coupled {
+        /// The field.
+        field: String,
+        /// The field that it acts on; the same where it is another component.
+        on: String,
     },
     /// The mass of a node is not positive.
     Mass {
@@ -118,8 +134,8 @@ impl Lumped {
                 return Err(Unlumped::Mass { field: field.name.clone(), value: mass[d], position });
             }
         }
-        let damping = damping(system, u, window)?;
-        Ok(Self { mass, damping })
+        let (damping, couples) = damping(system, u, window)?;
+        Ok(Self { mass, damping, couples })
     }
 
     /// What the acceleration over a step of this length is divided by: the diagonal of the damping acts at the end of it.
@@ -135,9 +151,9 @@ impl Lumped {
     /// [`SystemError`] where the system cannot be evaluated at `u`.
     pub fn longest_step(&self, system: &mut System, u: &[f64], window: Window) -> Result<StepLimit, SystemError> {
         let mut evaluations = 0;
-        let stiffness = Operator::of(system, u, window, false)?;
+        let stiffness = Operator::stiffness(system, u, window)?;
         let squared = self.largest_eigenvalue(system, &stiffness, &mut evaluations)?;
-        let damping = Operator::of(system, u, window, true)?;
+        let damping = Operator::lagging(self, system, u, window)?;
         let lagged = match damping.is_nothing(system) {
             true => 0.0,
             false => self.largest_eigenvalue(system, &damping, &mut evaluations)?.max(0.0),
@@ -223,10 +239,25 @@ fn refuse_without_inertia(system: &System) -> Result<(), Unlumped> {
         }
     }
     let inertia = |t: &AssembledTerm| reads(t, RateOrder::Second);
-    match system.terms.iter().position(|t| inertia(t) && !has_a_mass_of_its_own(t)) {
-        Some(term) => Err(Unlumped::Mixed { term }),
+    if let Some(term) = system.terms.iter().position(|t| inertia(t) && !has_a_mass_of_its_own(t)) {
+        return Err(Unlumped::Mixed { term });
+    }
+    match system.terms.iter().position(|t| inertia(t) && acts_between_places(t)) {
+        Some(term) => Err(Unlumped::Between { term }),
         None => Ok(()),
     }
+}
+
+/// Whether the inertia of a term acts through gradients, or from one side of a face on the other: sums of rows say nothing of it.
+fn acts_between_places(term: &AssembledTerm) -> bool {
+    let slots = || {
+        term.law.inputs.iter().filter_map(|slot| match slot {
+            InputSlot::History(RateOrder::Second, slot) => Some(slot),
+            _ => None,
+        })
+    };
+    let is_there = |side: Side| slots().any(|slot| slot.side == side);
+    slots().any(|slot| slot.op != FieldOp::Value) || is_there(Side::Here) && is_there(Side::There)
 }
 
 /// Sets rates that are the same in one component of one field and zero elsewhere.
@@ -345,29 +376,61 @@ impl Lumped {
     }
 }
 
-fn mass(system: &mut System, u: &[f64], window: Window) -> Result<Vec<f64>, SystemError> {
+fn mass(system: &mut System, u: &[f64], window: Window) -> Result<Vec<f64>, Unlumped> {
     let mut all = vec![0.0; system.numbering.n_dofs];
+    // the field whose inertia acts elsewhere, and a dof there
+    let mut coupled = None;
     row_sums(system, u, window, RateOrder::Second, |system, field, component, sums| {
-        let stride = system.fields[field].n_components;
-        let range = system.range(field).expect("a field with rates is solved for");
-        range.skip(component).step_by(stride).for_each(|d| all[d] += sums[d]);
+        let is_own = own(system, field, component);
+        (0..sums.len()).filter(|d| is_own(*d)).for_each(|d| all[d] += sums[d]);
+        coupled = coupled.or_else(|| beside(sums, &is_own).map(|d| (field, d)));
     })?;
+    let name = |field: usize| system.fields[field].name.clone();
+    if let Some((field, on)) = coupled {
+        return Err(Unlumped::Coupled { field: name(field), on: name(system.field_of(on)) });
+    }
+    // masses that differ by component couple directions that are no axes
+    let is_mixed = |frame: &&Frame| {
+        let own = &all[frame.first..][..frame.axes.len()];
+        let spread = largest(own.iter().map(|m| m - own[0]));
+        let turned = frame.axes.iter().flatten().any(|x| *x != 0.0 && x.abs() < 1.0 - ROUNDED);
+        turned && spread > ROUNDED * largest(own.iter().copied())
+    };
+    if let Some(frame) = system.numbering.frames.list().iter().find(is_mixed) {
+        let field = name(system.field_of(frame.first));
+        return Err(Unlumped::Coupled { on: field.clone(), field });
+    }
     Ok(in_frames(system, all))
 }
 
-fn damping(system: &mut System, u: &[f64], window: Window) -> Result<Vec<f64>, SystemError> {
+/// The damping on the diagonal, and whether it acts between components or fields.
+fn damping(system: &mut System, u: &[f64], window: Window) -> Result<(Vec<f64>, bool), SystemError> {
     let mut all = vec![0.0; system.numbering.n_dofs];
+    let mut couples = false;
     row_sums(system, u, window, RateOrder::First, |system, field, component, sums| {
-        let stride = system.fields[field].n_components;
-        let range = system.range(field).expect("a field with rates is solved for");
+        let is_own = own(system, field, component);
         for (d, value) in sums.iter().enumerate() {
-            let own = range.contains(&d) && (d - range.start) % stride == component;
-            all[d] += if own { *value } else { value.abs() };
+            all[d] += if is_own(d) { *value } else { value.abs() };
         }
+        couples |= beside(sums, &is_own).is_some();
     })?;
+    let couples = !system.team().all(!couples);
     // damping that is negative as a whole stays where the term puts it
     all.iter_mut().for_each(|c| *c = c.max(0.0));
-    Ok(in_frames(system, all))
+    Ok((in_frames(system, all), couples))
+}
+
+/// Whether a dof is one of a component of a field.
+fn own(system: &System, field: usize, component: usize) -> impl Fn(usize) -> bool + use<> {
+    let stride = system.fields[field].n_components;
+    let range = system.range(field).expect("a field with rates is solved for");
+    move |d| range.contains(&d) && (d - range.start) % stride == component
+}
+
+/// Of sums of rows one that is more than rounding and none of the component's own.
+fn beside(sums: &[f64], is_own: &impl Fn(usize) -> bool) -> Option<usize> {
+    let rounding = ROUNDED * largest(sums.iter().copied());
+    (0..sums.len()).find(|d| !is_own(*d) && sums[*d].abs() > rounding)
 }
 
 /// A diagonal in the axes of the scene on the axes of local frames, followers added to their leaders.
@@ -386,18 +449,38 @@ fn in_frames(system: &System, mut diagonal: Vec<f64>) -> Vec<f64> {
     diagonal
 }
 
-/// The derivative of the equations in the unknowns, or in the velocities without what the diagonal holds.
-struct Operator {
+/// The derivative of the equations in the unknowns, or in the velocities without what steps solve for.
+pub(crate) struct Operator {
     /// That of the terms that are not linear, over the free dofs.
     changing: Csr,
     /// The linear terms where nothing has moved and nothing moves, by dof in the axes of the scene: the rows of this rank.
     at_rest: Vec<f64>,
     /// Of the velocities.
     of_rates: bool,
+    /// Linear terms count.
+    linear: bool,
 }
 
 impl Operator {
-    fn of(system: &mut System, u: &[f64], window: Window, of_rates: bool) -> Result<Self, SystemError> {
+    fn stiffness(system: &mut System, u: &[f64], window: Window) -> Result<Self, SystemError> {
+        Self::of(system, u, window, [false, true])
+    }
+
+    /// The damping that acts half a step late.
+    fn lagging(lumped: &Lumped, system: &mut System, u: &[f64], window: Window) -> Result<Self, SystemError> {
+        Self::of(system, u, window, [true, !lumped.couples])
+    }
+
+    /// The damping of linear terms beside the diagonal. The rates of the system are left zero.
+    pub(crate) fn linear_damping(system: &mut System, window: Window) -> Result<Self, SystemError> {
+        rest(system, window);
+        let changing = system.new_tangent().changing;
+        let mut this = Self { changing, at_rest: Vec::new(), of_rates: true, linear: true };
+        this.at_rest = this.linear(system, &vec![0.0; system.numbering.n_dofs])?;
+        Ok(this)
+    }
+
+    fn of(system: &mut System, u: &[f64], window: Window, [of_rates, linear]: [bool; 2]) -> Result<Self, SystemError> {
         rest(system, window);
         let mut tangent = system.new_tangent();
         system.tangent(u, Branches::AsWritten, &mut tangent)?;
@@ -415,7 +498,7 @@ impl Operator {
             changing = moving;
             rest(system, window);
         }
-        let mut this = Self { changing, at_rest: Vec::new(), of_rates };
+        let mut this = Self { changing, at_rest: Vec::new(), of_rates, linear };
         this.at_rest = this.linear(system, &vec![0.0; system.numbering.n_dofs])?;
         Ok(this)
     }
@@ -427,7 +510,7 @@ impl Operator {
     }
 
     fn takes(&self, term: &AssembledTerm) -> bool {
-        term.law.class <= Class::Linear && (!self.of_rates || reads(term, RateOrder::First))
+        self.linear && term.law.class <= Class::Linear && (!self.of_rates || reads(term, RateOrder::First))
     }
 
     /// The linear terms at displacements, or velocities, by dof in the axes of the scene.
@@ -447,8 +530,21 @@ impl Operator {
         found
     }
 
+    /// What accelerations of prescribed dofs, by dof in the axes of the scene, are multiplied by, over the free dofs.
+    pub(crate) fn of_prescribed(&self, system: &mut System, moved: &[f64]) -> Result<Vec<f64>, SystemError> {
+        let mut all = self.linear(system, moved)?;
+        all.iter_mut().zip(&self.at_rest).for_each(|(a, b)| *a -= b);
+        system.numbering.turn(&mut all);
+        let mut y = Vec::new();
+        system.numbering.gather(&all, &mut y);
+        if let Some(owners) = system.owners() {
+            owners.update(&mut y);
+        }
+        Ok(y)
+    }
+
     /// The operator times a vector over the free dofs.
-    fn apply(&self, system: &mut System, lumped: &Lumped, x: &[f64]) -> Result<Vec<f64>, SystemError> {
+    pub(crate) fn apply(&self, system: &mut System, lumped: &Lumped, x: &[f64]) -> Result<Vec<f64>, SystemError> {
         let zero = vec![0.0; system.numbering.n_dofs];
         let mut moved = zero.clone();
         system.numbering.advance(&zero, x, 1.0, &mut moved);
@@ -463,7 +559,7 @@ impl Operator {
         if let Some(owners) = system.owners() {
             owners.update(&mut y);
         }
-        if self.of_rates {
+        if self.of_rates && self.linear {
             for ((y, x), d) in y.iter_mut().zip(x).zip(&numbering.free_dofs) {
                 *y -= lumped.damping[*d as usize] * x;
             }

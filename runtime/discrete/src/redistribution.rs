@@ -57,6 +57,11 @@ pub enum Unmovable {
         /// The node.
         position: [f64; 3],
     },
+    /// The inertia of a term, by its position, is that of the faces themselves: it would be moved by a layer of cells.
+    OnFaces {
+        /// The term.
+        term: usize,
+    },
     /// The mass cannot be evaluated.
     System(SystemError),
 }
@@ -96,8 +101,21 @@ pub fn redistribution(system: &mut System, nodes: &dyn Fn(&Field) -> Vec<u32>) -
     if !relieved.contains(&true) {
         return Err(Unmovable::NoNodes);
     }
+    if let Some(term) = on_faces(system, &relieved) {
+        return Err(Unmovable::OnFaces { term });
+    }
     let [left, difference] = redistributed(&mass(system)?, &carriers)?;
     Ok(Redistribution::new(left, difference, relieved))
+}
+
+/// A term on faces with inertia at dofs that are to be relieved.
+fn on_faces(system: &System, relieved: &[bool]) -> Option<usize> {
+    let acts_there = |term: &AssembledTerm| {
+        let mut acts = false;
+        term.for_each_entity(|rows, _| acts |= rows.iter().any(|d| relieved[*d as usize]));
+        acts
+    };
+    system.terms.iter().position(|t| reads(t, RateOrder::Second) && !t.on_cells() && acts_there(t))
 }
 
 /// By relieved node its carriers with their weights; the position of a node that has none.

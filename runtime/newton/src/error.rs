@@ -47,6 +47,9 @@ pub enum NewtonError {
         "contact does not settle where time starts: its branches change again and again, and no rates satisfy its laws"
     )]
     Unsettled,
+    /// Dashpots of explicit steps couple dofs too stiffly.
+    #[error("the accelerations that dashpots couple could not be solved for")]
+    Dashpots,
     /// A linear system could not be solved, and it is known why.
     #[error("{}: {error}", why.what)]
     Singular {

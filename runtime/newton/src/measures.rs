@@ -9,6 +9,9 @@ use wfl_host::team::Team;
 
 /// This part of the forces out of balance is much: the largest tolerance that can be asked for.
 const MUCH: f64 = crate::LARGEST_TOLERANCE;
+/// Forces below this are nothing: numbers below `f64::MIN_POSITIVE` have fewer digits, and none of their products with the part that a
+/// tolerance leaves. A pulse that comes or goes as `exp(-t^2)` passes through them.
+const NOTHING: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 
 /// Measures of a body, or of the first of those that share one.
 #[derive(Clone, Copy, Default)]
@@ -41,6 +44,7 @@ impl BodyMeasures {
     /// stiffness against which every force is rounding: that is no reason to stop with much of the forces open.
     pub(crate) fn add_forces(&mut self, body: usize, residual: f64, scale: f64, rounding: [f64; 2]) {
         if residual > 0.0 {
+            let scale = scale.max(NOTHING);
             let f = &mut self.bodies[body];
             f.relative = f.relative.max(residual / scale);
             f.floor = f.floor.max(rounding[0] / scale);
@@ -53,6 +57,7 @@ impl BodyMeasures {
         let f = &mut self.bodies[body];
         f.single = true;
         for [residual, scale, rounding] in equations.iter().filter(|[residual, ..]| *residual > 0.0) {
+            let scale = scale.max(NOTHING);
             f.relative = f.relative.max(residual / scale);
             f.floor = f.floor.max(rounding / scale);
             f.open |= *residual > tolerance * scale && !(rounding.is_finite() && *residual <= *rounding);
@@ -117,6 +122,16 @@ mod tests {
         let mut all = BodyMeasures::new(1);
         all.add_equations(0, &[[1e-18, 1e-9, 1e-17], [0.0, 0.0, 0.0]], 1e-10);
         assert!(all.are_settled(|_| false, 1e-10), "that is rounding");
+    }
+
+    #[test]
+    fn forces_without_digits_are_nothing() {
+        let mut all = BodyMeasures::new(2);
+        all.add_forces(0, 1e-320, 1e-320, [0.0, f64::INFINITY]);
+        all.add_equations(1, &[[1e-323, 1e-323, 0.0]], 1e-10);
+        assert!(all.are_settled(|_| false, 1e-10));
+        all.add_forces(0, 1e-280, 1e-280, [0.0, f64::INFINITY]);
+        assert!(!all.are_settled(|_| false, 1e-10));
     }
 
     #[test]

@@ -124,6 +124,10 @@ pub fn not_together(scene: &Scene, script: &ResolvedScript) -> Option<Diagnostic
             message("explicit steps with inclined supports, or with nodes that follow others, have no derivatives yet");
         return Some(placed(d.help("`scheme newmark` has them"), steps()));
     }
+    if scene.explicit.as_ref().is_some_and(|explicit| explicit.lumped.couples) {
+        let d = message("explicit steps whose dashpots act between components or fields have no derivatives yet");
+        return Some(placed(d.help("`scheme newmark` has them"), steps()));
+    }
     if system.redistribution().is_some() {
         let d = message("nodes without mass have no derivatives yet");
         let d = d.help("without `massless`, every scheme has them; differences of whole runs: wfl sweep");

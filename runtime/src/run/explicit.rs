@@ -2,6 +2,7 @@
 //!
 //! With r the velocity, s the acceleration, D the mass and C the damping on the diagonal:
 //! r_half = r_n + h/2 s_n, u = u_n + h r_half, (D + h/2 C) s = -R(u, r_half), r = r_half + h/2 s.
+//! Where linear damping acts between components or fields, C is all of it, and s is solved for (`discrete/src/damping.rs`).
 //! Terms and updates of states read r_half as `Dot_u`, so that h `Dot_u` is the change of u over the step; measures and
 //! outputs read r. Prescribed values are met at the end of the step, their rates are differences. Promises: after an error
 //! unknowns and rates are those of the step before.
@@ -15,7 +16,10 @@ use super::{
     stability::Stability,
     stepping::{Integrator, Making, Reached, StepError, Stepper},
 };
-use crate::{assemble::BranchCounts, newton::NewtonError, scene::Solving, system::FIXED, window::Window};
+use crate::{
+    assemble::BranchCounts, damping::with_damping_beside, newton::NewtonError, scene::Solving, system::FIXED,
+    window::Window,
+};
 
 /// Steps by central differences, and how far they are from instability.
 #[derive(Default)]
@@ -81,6 +85,14 @@ impl CentralDifferences {
         let mut acceleration: Vec<f64> = (0..u.len())
             .map(|d| if fixed[d] { (moved[d] - old_half[d]) / h } else { -residual[d] / lumped.divisor(d, h) })
             .collect();
+        if lumped.couples {
+            if !with_damping_beside(lumped, system, window, &mut acceleration).map_err(NewtonError::from)? {
+                return Err(NewtonError::Dashpots.into());
+            }
+            take_rates(scene, &half, &vec![0.0; u.len()]);
+            scene.system.set_laws(window);
+        }
+        let system = &mut scene.system;
         system.numbering.frames.turn_back(&mut acceleration);
         system.update_copies(&mut acceleration);
         system.numbering.follow(&mut acceleration);

@@ -32,6 +32,10 @@ const SECOND: [f64; 5] = [35.0, -104.0, 114.0, -56.0, 11.0];
 /// The rates are weighted by 2^(2 * this) in units of the first increment, so that of the equations only what multiplies
 /// them is left in double precision.
 const WEIGHT: i32 = 40;
+/// What an equation without rates says of multipliers themselves counts so much more than what it says of the motion, in the units of
+/// what they do to the rates it holds. Half of the digits: where it says nothing along some direction, as along the normal of closed
+/// contact in axes that are others, its rounding must leave that to the motion.
+const OF_VALUES: f64 = 67_108_864.0;
 
 /// Begins the rates of a step; gives it with the stage at which its equations stand.
 pub(super) fn enter(scene: &mut Solving<'_>, window: Window) -> Window {
@@ -300,6 +304,8 @@ pub(crate) struct Mass {
     /// Rows and columns scaled; dofs without mass have one on the diagonal, and beside it multipliers alone.
     matrix: Csr,
     scale: Vec<f64>,
+    /// By free number what forces are multiplied by beside it: of what has no rate how much more its values count.
+    factors: Vec<f64>,
     rated: Vec<bool>,
     massless: Vec<bool>,
     /// Dofs without mass whose equation says what a multiplier is.
@@ -322,9 +328,9 @@ impl Mass {
 
     /// The highest rates of forces, and what has none itself: multipliers.
     fn changes(&self, forces: &[f64], form: As) -> Result<Vec<f64>, NewtonError> {
-        let Self { matrix, scale, massless, root, symmetry, .. } = self;
-        let of =
-            |(k, force): (usize, &f64)| force * if massless[k] && !self.meets_multiplier[k] { 0.0 } else { scale[k] };
+        let Self { matrix, scale, factors, massless, root, symmetry, .. } = self;
+        let counts = |k: usize| !massless[k] || self.meets_multiplier[k];
+        let of = |(k, force): (usize, &f64)| if counts(k) { force * scale[k] * factors[k] } else { 0.0 };
         let rhs: Vec<f64> = forces.iter().enumerate().map(of).collect();
         let mut found = match (form, symmetry) {
             (As::Transposed, Symmetry::General) => mass_solution(&matrix.transpose(), *symmetry, &rhs)?,
@@ -393,11 +399,13 @@ fn mass(
     let massless: Vec<bool> = (0..rated.len()).map(|k| rated[k] && without_mass(k)).collect();
     let scale: Vec<f64> = rated.iter().map(|r| if *r { 1.0 / root } else { root }).collect();
     let symmetry = Symmetry::known(scene.system.is_symmetric() && rated.iter().all(|r| *r));
-    let matrix = scaled(&weighted, &scale, [&massless, &rated])?;
+    let field_of = |k: usize| scene.system.field_of(numbering.free_dofs[k] as usize);
+    let factors = factors_of_values(&weighted, &scale, [&massless, &rated], field_of);
+    let matrix = scaled(&weighted, &scale, &factors, [&massless, &rated])?;
     // by the pattern: where contact is open nothing of the multiplier is left, and the force says where the dof goes
     let meets = |k: usize| massless[k] && weighted.row(k).0.iter().any(|c| !rated[*c as usize]);
     let meets_multiplier = (0..rated.len()).map(meets).collect();
-    Ok(Mass { matrix, scale, rated, massless, meets_multiplier, root, symmetry })
+    Ok(Mass { matrix, scale, factors, rated, massless, meets_multiplier, root, symmetry })
 }
 
 /// The accelerations with a mass on the diagonal; those that are prescribed stay.
@@ -434,8 +442,42 @@ fn tangent(scene: &mut Solving<'_>, u: &[f64], at: Window, branches: Branches<'_
     Ok(scene.system.whole(own).map_err(SystemError::from)?)
 }
 
-/// Rows and columns scaled. Dofs that are left out have one on the diagonal, and beside it what has no rate alone.
-fn scaled(matrix: &Csr, scale: &[f64], [left_out, rated]: [&[bool]; 2]) -> Result<Csr, NewtonError> {
+/// By free number how much more the values of what has no rate count, one for all others: a number for each field, as an equation
+/// along a direction is made of those of its components and of the nodes beside it.
+fn factors_of_values(
+    matrix: &Csr,
+    scale: &[f64],
+    [left_out, rated]: [&[bool]; 2],
+    field_of: impl Fn(usize) -> usize,
+) -> Vec<f64> {
+    let n_fields = (0..rated.len()).map(&field_of).max().map_or(0, |last| last + 1);
+    // by field the largest entry of values, and what motion the values of one unknown make
+    let (mut of_values, mut of_motion) = (vec![0.0f64; n_fields], vec![0.0f64; n_fields]);
+    for row in (0..matrix.n_rows()).filter(|row| !rated[*row]) {
+        let (field, mut motion) = (field_of(row), 0.0);
+        let (columns, values) = matrix.row(row);
+        for (column, value) in columns.iter().zip(values) {
+            let column = *column as usize;
+            let scaled = scale[row] * value * scale[column];
+            if !rated[column] {
+                of_values[field] = of_values[field].max(scaled.abs());
+            } else if !left_out[column] {
+                let back = scale[column] * matrix.get(column, row) * scale[row];
+                motion += (scaled * back / (scale[column] * matrix.get(column, column) * scale[column])).abs();
+            }
+        }
+        of_motion[field] = of_motion[field].max(motion);
+    }
+    let of_field = |field: usize| {
+        let factor = OF_VALUES * of_motion[field] / of_values[field];
+        if factor.is_finite() && factor > 0.0 { factor.min(1.0) } else { 1.0 }
+    };
+    (0..rated.len()).map(|k| if rated[k] { 1.0 } else { of_field(field_of(k)) }).collect()
+}
+
+/// Rows and columns scaled. Dofs that are left out have one on the diagonal, and beside it what has no rate alone; what an equation
+/// without rates says of values counts by its factor.
+fn scaled(matrix: &Csr, scale: &[f64], factors: &[f64], [left_out, rated]: [&[bool]; 2]) -> Result<Csr, NewtonError> {
     let mut entries = Vec::new();
     for (row, number) in (0..matrix.n_rows()).zip(0u32..) {
         let (columns, values) = matrix.row(row);
@@ -444,7 +486,9 @@ fn scaled(matrix: &Csr, scale: &[f64], [left_out, rated]: [&[bool]; 2]) -> Resul
             entries.push((number, number, 1.0));
         }
         let kept = columns.iter().zip(values).filter(|(c, _)| is_kept(**c as usize));
-        entries.extend(kept.map(|(c, v)| (number, *c, scale[row] * v * scale[*c as usize])));
+        let factor = |column: usize| if rated[column] { 1.0 } else { factors[row] };
+        let entry = |column: usize, value: f64| scale[row] * value * scale[column] * factor(column);
+        entries.extend(kept.map(|(c, v)| (number, *c, entry(*c as usize, *v))));
     }
     let made = Csr::from_triplets(matrix.n_rows(), matrix.n_rows(), &entries);
     Ok(made.map_err(SystemError::from)?)

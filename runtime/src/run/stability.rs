@@ -1,6 +1,7 @@
 //! Whether explicit steps stay stable: the limit of the start is computed again where the scene has become another one.
 //!
-//! A contact that closes, or a body that stiffens, lowers the limit. Linear scenes keep that of their start. All others are
+//! A contact that closes, or a body that stiffens, lowers the limit. Linear scenes keep that of their start, where nothing in them
+//! changes in time. All others are
 //! looked at when the branches of their terms change, or have none, and not more often than costs a tenth of the steps: in
 //! evaluations of the residual, so that it is decided alike on all ranks. Promises: changes nothing of a run.
 
@@ -55,12 +56,13 @@ impl Stability {
         window: Window,
         branches: &[BranchCounts],
     ) -> Result<(), NewtonError> {
-        if self.found.is_some_and(Fallen::is_above) || scene.system.is_linear() {
+        if self.found.is_some_and(Fallen::is_above) || scene.system.is_linear() && scene.system.linear_terms_stay() {
             return Ok(());
         }
         self.wait = self.wait.saturating_sub(1);
         let changed = self.seen.as_deref() != Some(branches);
-        let is_smooth = || scene.system.terms.iter().any(|t| t.law.class == Class::Nonlinear);
+        let is_nonlinear = || scene.system.terms.iter().any(|t| t.law.class == Class::Nonlinear);
+        let is_smooth = || is_nonlinear() || !scene.system.linear_terms_stay();
         // the end of the first step, and the first change behind it, are looked at at once: the limit of the start says
         // nothing of a contact that closes
         let is_due = if changed { self.wait == 0 || self.looks < 2 } else { self.wait == 0 && is_smooth() };
@@ -99,7 +101,7 @@ impl Stability {
         };
         Some(
             Diagnostic::new(Code::W621, text)
-                .note("a contact has closed or a body stiffened since the start")
+                .note("a contact has closed, or a body stiffened, since the start")
                 .note(so)
                 .help("a smaller `fraction`, or shorter steps"),
         )

@@ -10,7 +10,10 @@ use wfl::{Code, Diagnostic, ResolvedScript, Span};
 use wfl_compiler::{Class, types::InputSlot};
 
 use super::{Given, Scene, Steps, options::Equal};
-use crate::lumped::{Lumped, StepLimit, Unlumped};
+use crate::{
+    lumped::{Lumped, StepLimit, Unlumped},
+    window::Window,
+};
 
 /// The mass of a scene on the diagonal.
 #[derive(Clone, Debug, Default)]
@@ -153,7 +156,11 @@ fn given_by_the_caller(scene: &Scene) -> Option<String> {
     given.map(|(field, _)| scene.system.fields[*field].name.clone())
 }
 
-/// Mass and limit at the state where time starts.
+/// Instants over the run at which the limit of a linear scene whose matrix changes in time is looked at before it: a coefficient
+/// that has its largest value between them is found while it runs (W621).
+const INSTANTS: u32 = 16;
+
+/// Mass at the state where time starts, and the limit there; of a linear scene the least one of the run.
 fn at_start(scene: &Scene) -> Result<(Lumped, StepLimit), Unlumped> {
     let first = scene.steps.first_window();
     let mut equations = scene.equations();
@@ -164,7 +171,21 @@ fn at_start(scene: &Scene) -> Result<(Lumped, StepLimit), Unlumped> {
     let system = solving.system;
     system.end_step(&u);
     let lumped = Lumped::of(system, &u, first)?;
-    let limit = lumped.longest_step(system, &u, first)?;
+    let mut limit = lumped.longest_step(system, &u, first)?;
+    if system.is_linear() && !system.linear_terms_stay() {
+        let (from, to) = (scene.steps.first(), scene.steps.last());
+        for k in 1..=INSTANTS {
+            let time = from + f64::from(k) / f64::from(INSTANTS) * (to - from);
+            let window = Window { end: time, stage: time, ..first };
+            let mut solving = scene.solving(&mut equations);
+            solving.set_data(window)?;
+            let there = lumped.longest_step(solving.system, &u, window)?;
+            let evaluations = limit.evaluations + there.evaluations;
+            limit = StepLimit { step: limit.step.min(there.step), evaluations };
+        }
+        let mut solving = scene.solving(&mut equations);
+        solving.set_data(first)?;
+    }
     Ok((lumped, limit))
 }
 
@@ -189,6 +210,26 @@ fn unlumped(scene: &Scene, script: &ResolvedScript, at: Span, why: Unlumped) -> 
             let d = Diagnostic::new(Code::E455, "this inertia is no mass that stays the same");
             let text = "what else depends on unknowns or on the step variable stands in the same term";
             d.at(span, text).help("write the inertia as a term of its own: rho*Dot2_u.Test_u")
+        }
+        Unlumped::Between { term } => {
+            let span = scene.terms.get(term).map_or(at, |t| t.span);
+            let d = Diagnostic::new(
+                Code::E455,
+                "this inertia acts from one place on another, and explicit steps have a mass of each dof",
+            );
+            let text = "second rates of gradients, or of both sides of a face: lumped, they would be gone";
+            d.at(span, text).at(at, "").help("scheme newmark")
+        }
+        Unlumped::Coupled { field, on } => {
+            let declared = script.fields.iter().find(|f| f.name.name == field).map_or(at, |f| f.name.span);
+            let what = if on == field {
+                format!("the inertia of one component of `{field}` acts on another one")
+            } else {
+                format!("the inertia of `{field}` acts on `{on}`")
+            };
+            let d = Diagnostic::new(Code::E455, what)
+                .at(declared, "explicit steps have a mass of each dof, which acts on it alone");
+            d.at(at, "").help("scheme newmark")
         }
         Unlumped::Mass { field, value, position } => {
             let d = Diagnostic::new(

@@ -50,6 +50,15 @@ fn unmovable(scene: &Scene, script: &ResolvedScript, region: &Ident, why: Unmova
             let d = d.at(span, text).at(region.span, "its mass is to be taken from some nodes");
             d.help("write the inertia as a term of its own: rho*Dot2_u.Test_u")
         }
+        Unmovable::OnFaces { term } => {
+            let span = scene.terms.get(term).map_or(region.span, |t| t.span);
+            let d = Diagnostic::new(
+                Code::E452,
+                "this mass is that of the faces themselves, and would be moved by a layer of cells",
+            );
+            let d = d.at(span, "").at(region.span, "its nodes are to have no mass");
+            d.help("without `massless`, or with the mass on other faces")
+        }
         Unmovable::Thin { field, position } => {
             let at = crate::finite::position(position);
             let d = Diagnostic::new(Code::E452, format!("the mass of `{field}` at {at} has nowhere to go"));

@@ -124,8 +124,8 @@ pub(crate) const MOST_FRACTION: f64 = 0.95;
 const LOST: f64 = 1e-3;
 
 impl Builder<'_> {
-    /// The scheme of time integration: that of the statement, else BDF for steps that the run chooses, the trapezoidal
-    /// rule where a term has a second rate, and backward Euler.
+    /// The scheme of time integration: that of the statement, else BDF for steps that the run chooses and where some equations have
+    /// second rates and others first ones alone, the trapezoidal rule where all have second ones, and backward Euler.
     pub(super) fn scheme(&mut self) -> Integration {
         let second = self.env.rates.contains(&RateForm::Second);
         let mut made = Integration { scheme: Scheme::BackwardEuler, fraction: FRACTION, energy: None, massless: None };
@@ -133,6 +133,8 @@ impl Builder<'_> {
             made.scheme = match (second, is_auto(self.script)) {
                 // more than two orders leave the vibrations of second rates undamped
                 (second, true) => Scheme::Bdf { most: if second { 2 } else { MOST_ORDER } },
+                // the trapezoidal rule keeps what a sudden load makes of a pressure or a temperature, with changing sign
+                (true, false) if self.has_rates_without_inertia() => Scheme::Bdf { most: 2 },
                 (true, false) => Scheme::Newmark { beta: 0.25, gamma: 0.5 },
                 (false, false) => Scheme::BackwardEuler,
             };
@@ -176,6 +178,25 @@ impl Builder<'_> {
         };
         self.unfit_scheme(made.scheme, statement);
         made
+    }
+
+    /// Whether a field is solved for that has no second rate, from equations with first ones: its own, or those of another one.
+    fn has_rates_without_inertia(&self) -> bool {
+        let is_such = |name: &str| {
+            let mut fields = self.script.fields.iter().zip(self.env.rates);
+            fields.any(|(field, form)| {
+                field.name.name == name && matches!(field.kind, Declared::Unknown) && *form != RateForm::Second
+            })
+        };
+        self.script.terms.iter().any(|term| {
+            let (mut is_tested, mut has_rate) = (false, false);
+            wfl::each_word(&term.expr, &mut |_, word| {
+                let (prefixes, name) = split_prefixes(word);
+                is_tested |= prefixes.contains("Test_") && is_such(name);
+                has_rate |= prefixes.contains("Dot_");
+            });
+            is_tested && has_rate
+        })
     }
 
     /// E461 for rates of states where equations, loads and updates read them: states are those of the last step there, now and one

@@ -8,6 +8,7 @@ mod judged;
 mod lanes;
 mod pattern;
 mod scenes;
+mod turning;
 
 use std::path::Path;
 

@@ -207,7 +207,7 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "load",
         usage: "`load u = expr on r`",
-        meaning: "force per volume on cells, traction on faces, a force at each node of a region of nodes; it may follow the solution (`-p*Transformed_unit_vector(Grad_u, Normal)`), as the term `-(expr).Test_u` does",
+        meaning: "force per volume on cells, traction on faces, a force at each node of a region of nodes; it may follow the solution, as the term `-(expr).Test_u` does: a pressure of the current area is `-p*Det(F)*Inv(F)'*Normal` with `def F = Id(2) + Grad_u`",
         default: "",
     },
     StatementRow {

@@ -56,8 +56,14 @@ impl System {
     /// Whether all equations are linear, and their matrix stays while the increment of the step variable does.
     #[must_use]
     pub fn bulk_stays(&self) -> bool {
+        self.is_linear() && self.linear_terms_stay()
+    }
+
+    /// Whether the matrix of the linear terms stays while the increment of the step variable does.
+    #[must_use]
+    pub fn linear_terms_stay(&self) -> bool {
         let stays = |law: &TermLaw| !law.tangent_reads_known && (!law.tangent_has_uniforms || stays(&law.prologue));
-        self.is_linear() && self.linear_terms().all(|t| stays(&t.law))
+        self.linear_terms().all(|t| stays(&t.law))
     }
 
     /// Whether the matrix of the linear terms is not that of the present step.

@@ -178,6 +178,24 @@ fn norm(x: &[f64]) -> f64 {
     dot(x, x).sqrt()
 }
 
+/// When [`gmres`] stops.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stop {
+    /// Largest 2-norm of the residual, in parts of that of the right-hand side.
+    pub reduction: f64,
+    /// Directions that are kept.
+    pub restart: usize,
+    /// Most iterations.
+    pub iterations: usize,
+}
+
+/// Solves A x = b from x = 0; `multiply(x, y)` sets y = A x. Whether the residual came so far.
+pub fn gmres(multiply: &mut dyn FnMut(&[f64], &mut [f64]), b: &[f64], x: &mut [f64], stop: Stop) -> bool {
+    let Stop { reduction, restart, iterations } = stop;
+    let limits = Limits { target: reduction * norm(b), max_iterations: iterations, trial_iterations: iterations };
+    Gmres::new(restart).solve(multiply, b, x, limits).converged
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -49,6 +49,7 @@ pub use checked::{CheckedDense, CheckedLdlt, CheckedLlt, CheckedLu};
 pub use condensed::{CheckedAtPoints, CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
 pub use filtered::FilteredMultigrid;
 pub use inertia::{Inertia, inertia};
+pub use krylov::{Stop, gmres};
 pub use library::{CheckedLibrary, Engine, Equations, Library, Linked, Traits};
 pub use memory::SolverMemory;
 pub use multigrid::{
