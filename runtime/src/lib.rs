@@ -19,7 +19,7 @@ mod scene;
 pub use wfl_checks::{self as checks, consistency};
 pub use wfl_contact as contact;
 pub use wfl_discrete::{
-    assemble, damping, domain, field, finite, frames, lumped, point_space, point_values, pruning, rates,
+    assemble, damping, domain, field, finite, frames, longest_step, lumped, point_space, point_values, pruning, rates,
     redistribution, share, space, system,
 };
 use wfl_discrete::{value, window};

@@ -8,7 +8,8 @@
 use wfl_sparse::solve::{Stop, gmres};
 
 use crate::{
-    lumped::{Lumped, Operator},
+    longest_step::Operator,
+    lumped::Lumped,
     system::{FIXED, System, SystemError},
     window::Window,
 };

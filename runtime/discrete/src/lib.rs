@@ -17,6 +17,7 @@ pub mod field;
 pub mod finite;
 pub mod frames;
 pub mod gradients;
+pub mod longest_step;
 pub mod lumped;
 pub mod point_space;
 pub mod point_values;

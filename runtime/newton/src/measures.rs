@@ -9,7 +9,7 @@ use wfl_host::team::Team;
 
 /// This part of the forces out of balance is much: the largest tolerance that can be asked for.
 const MUCH: f64 = crate::LARGEST_TOLERANCE;
-/// Forces below this are nothing: numbers below `f64::MIN_POSITIVE` have fewer digits, and none of their products with the part that a
+/// Forces below this are nothing, in units of any system: numbers below `f64::MIN_POSITIVE` have fewer digits, and none of their products with the part that a
 /// tolerance leaves. A pulse that comes or goes as `exp(-t^2)` passes through them.
 const NOTHING: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 

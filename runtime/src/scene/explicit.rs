@@ -11,7 +11,8 @@ use wfl_compiler::{Class, types::InputSlot};
 
 use super::{Given, Scene, Steps, options::Equal};
 use crate::{
-    lumped::{Lumped, StepLimit, Unlumped},
+    longest_step::StepLimit,
+    lumped::{Lumped, Unlumped},
     window::Window,
 };
 
