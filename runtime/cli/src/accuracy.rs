@@ -135,7 +135,8 @@ fn help(why: &Short) -> &'static str {
              that is one has no error of this kind: ask for more than this part"
         }
         Short::Data(_) => {
-            "cells or a `refine` statement that resolve the data, a smoother formula, or --of another quantity"
+            "a jump of the data on faces of the mesh, with a number on each region; cells or a `refine` statement that resolve \
+             the data, a smoother formula, or --of another quantity"
         }
         Short::Time(_) => "a shorter step in `steps`, or a scheme of higher order",
         Short::Truth(_) => "a smaller demand refines further; the mesh of the scene is the first one that is looked at",

@@ -290,8 +290,11 @@ fn mass(system: &mut System, u: &[f64], window: Window) -> Result<Vec<f64>, Unlu
         coupled = coupled.or_else(|| beside(sums, &is_own).map(|d| (field, d)));
     })?;
     let name = |field: usize| system.fields[field].name.clone();
-    if let Some((field, on)) = coupled {
-        return Err(Unlumped::Coupled { field: name(field), on: name(system.field_of(on)) });
+    // each rank has seen its rows, and all end alike
+    if !system.team().all(coupled.is_none()) {
+        let first = || rated(system).first().map_or(0, |(field, _)| *field);
+        let (field, on) = coupled.map_or_else(|| (first(), first()), |(field, d)| (field, system.field_of(d)));
+        return Err(Unlumped::Coupled { field: name(field), on: name(on) });
     }
     // masses that differ by component couple directions that are no axes
     let is_mixed = |frame: &&Frame| {
@@ -300,8 +303,9 @@ fn mass(system: &mut System, u: &[f64], window: Window) -> Result<Vec<f64>, Unlu
         let turned = frame.axes.iter().flatten().any(|x| *x != 0.0 && x.abs() < 1.0 - ROUNDED);
         turned && spread > ROUNDED * largest(own.iter().copied())
     };
-    if let Some(frame) = system.numbering.frames.list().iter().find(is_mixed) {
-        let field = name(system.field_of(frame.first));
+    let mixed = system.numbering.frames.list().iter().find(is_mixed);
+    if !system.team().all(mixed.is_none()) {
+        let field = name(mixed.map_or(0, |frame| system.field_of(frame.first)));
         return Err(Unlumped::Coupled { on: field.clone(), field });
     }
     Ok(in_frames(system, all))

@@ -51,6 +51,7 @@ const CHECKS: &[Check] = &[
     Check { codes: &[Code::W620], look: |run| leaving::lost(run).into_iter().collect() },
     Check { codes: &[Code::W650], look: unbalanced },
     Check { codes: &[Code::W651], look: partial::told },
+    Check { codes: &[Code::W652], look: watched::ringing },
     Check {
         codes: &[Code::W621],
         look: |run| {

@@ -37,6 +37,7 @@ mod remembered;
 mod report;
 mod requests;
 mod resuming;
+mod ringing;
 mod session;
 mod stability;
 mod standing;

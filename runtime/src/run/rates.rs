@@ -451,25 +451,28 @@ fn factors_of_values(
     field_of: impl Fn(usize) -> usize,
 ) -> Vec<f64> {
     let n_fields = (0..rated.len()).map(&field_of).max().map_or(0, |last| last + 1);
-    // by field the largest entry of values, and what motion the values of one unknown make
-    let (mut of_values, mut of_motion) = (vec![0.0f64; n_fields], vec![0.0f64; n_fields]);
+    // by field the most motion that the values of an unknown make, in parts of what its equation says of values
+    let mut most = vec![0.0f64; n_fields];
     for row in (0..matrix.n_rows()).filter(|row| !rated[*row]) {
-        let (field, mut motion) = (field_of(row), 0.0);
+        let (mut of_values, mut motion) = (0.0f64, 0.0);
         let (columns, values) = matrix.row(row);
         for (column, value) in columns.iter().zip(values) {
             let column = *column as usize;
             let scaled = scale[row] * value * scale[column];
             if !rated[column] {
-                of_values[field] = of_values[field].max(scaled.abs());
+                of_values = of_values.max(scaled.abs());
             } else if !left_out[column] {
                 let back = scale[column] * matrix.get(column, row) * scale[row];
                 motion += (scaled * back / (scale[column] * matrix.get(column, column) * scale[column])).abs();
             }
         }
-        of_motion[field] = of_motion[field].max(motion);
+        if of_values > 0.0 {
+            let field = field_of(row);
+            most[field] = most[field].max(motion / of_values);
+        }
     }
     let of_field = |field: usize| {
-        let factor = OF_VALUES * of_motion[field] / of_values[field];
+        let factor = OF_VALUES * most[field];
         if factor.is_finite() && factor > 0.0 { factor.min(1.0) } else { 1.0 }
     };
     (0..rated.len()).map(|k| if rated[k] { 1.0 } else { of_field(field_of(k)) }).collect()

@@ -1,5 +1,5 @@
 //! What is seen over the steps of a run and told at its end: strains beyond the law, contact that never closes, pressures that
-//! alternate, unknowns that grow without end, bending that the elements lock.
+//! alternate, rates that do so in time, unknowns that grow without end, bending that the elements lock.
 //!
 //! Each is told once. Promises: changes nothing of a run; where some steps were those of another process, what needs all of
 //! them is not told.
@@ -7,7 +7,7 @@
 use wfl::{Code, Diagnostic};
 use wfl_compiler::types::ImageBy;
 
-use super::{ended::Ended, growth::Growth};
+use super::{ended::Ended, growth::Growth, ringing::Ringing};
 use crate::{
     checks::{self, Alternating, DistantContact, LargeStrain, PorePressure, SmallStrainBody},
     contact::{Images, images},
@@ -27,6 +27,7 @@ pub(super) struct Watched {
     /// By pressure the first step at which it alternated.
     alternating: Vec<(f64, Alternating)>,
     growth: Growth,
+    ringing: Ringing,
     images: WatchedImages,
 }
 
@@ -146,6 +147,7 @@ impl Watched {
         self.images.look(scene, u, time);
         if scene.steps.several() {
             self.growth.add(scene, u, time);
+            self.ringing.look(system, u, time);
         }
     }
 
@@ -161,6 +163,11 @@ pub(super) fn large_strains(run: &Ended<'_>) -> Vec<Diagnostic> {
     let unit = |s: &LargeStrain| run.scene.declared_field(&s.field).and_then(|field| field.is_length);
     let sized = |s: &&(f64, LargeStrain)| unit(&s.1).unwrap_or(s.1.has_memory);
     run.run.watched.strained.iter().filter(sized).map(|(time, s)| strained(run.scene, *time, s)).collect()
+}
+
+/// W652 for rates that change their sign in every step.
+pub(super) fn ringing(run: &Ended<'_>) -> Vec<Diagnostic> {
+    run.run.watched.ringing.told(run.scene)
 }
 
 /// W646 for contact that never closes.

@@ -61,6 +61,29 @@ impl Scene {
         }
         out
     }
+
+    /// By name of known fields that are continuous what interpolation between their nodes loses of their formulas, in parts of the size
+    /// of the values in the mean; at the first step.
+    #[must_use]
+    pub fn data_between_nodes(&self) -> Vec<(String, f64)> {
+        let window = self.steps.first_window();
+        let of = |(field, given): &(usize, Given)| {
+            let (field, Given::Formula(value, ..)) = (&self.system.fields[*field], given) else { return None };
+            let FieldSpace::Nodal(space) = &field.space else { return None };
+            let at = match space.support() {
+                Support::Cells(cells) => At::Cells(cells),
+                Support::Facets(facets) => At::Facets(facets),
+                Support::Edges(_) => return None,
+            };
+            if space.family() != Family::Continuous {
+                return None;
+            }
+            let mut between = Between { parts: vec![0.0; self.system.mesh.n_cells()], lost: 0.0 };
+            between.add(&self.system.mesh, &at, &value.at_step(window), field.degree());
+            Some((field.name.clone(), between.lost))
+        };
+        self.data.iter().filter_map(of).collect()
+    }
 }
 
 impl Between {

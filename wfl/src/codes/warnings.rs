@@ -360,6 +360,16 @@ pages! {
         "multiplier l : vector on fault\nterm contact on fault : augmented(uL, uR, l, gamma, friction)",
     ),
     page(
+        W519,
+        "a known field that jumps between its nodes",
+        "The formula of a known field has cases by position, and the field is continuous: its values are taken at nodes and are \
+         smooth between them, so that a jump becomes a ramp over a cell (a conductance of 2.23 for 1.82 on 8 cells). One value \
+         for each cell (`DP0`) is exact where cells end at the jump; a `def` is evaluated at the points of integration; a region \
+         with a term of its own needs neither. The message has the mean distance from the formula.",
+        "data k : scalar = if x < 0.5 then 1 else 10",
+        "data k : scalar DP0 = if x < 0.5 then 1 else 10",
+    ),
+    page(
         W520,
         "pressures that alternate from point to point",
         "Inside the zone of contact the pressure of a term jumps up and down between neighbouring points by more than a fifth \
@@ -677,6 +687,17 @@ pages! {
          converge at once have no parts.",
         "measure worn = integral(u - Previous_u) on all",
         "state sum : scalar on all := Previous_sum + u - Previous_u\nmeasure worn = integral(sum) on all",
+    ),
+    page(
+        W652,
+        "a rate that changes its sign in every step",
+        "The trapezoidal rule (`newmark`), and in part the alpha methods, follow the rate at the end of a step from the change over it \
+         and the rate at its start. What decays within a step, as after a load or a support that comes suddenly, keeps its \
+         size with the other sign: pressures and temperatures oscillate around the solution, and a flow is that of the \
+         oscillation, while each instant is in balance. `bdf2` and `backward_euler` forget it in a few steps; so do smaller \
+         steps at the beginning, as `by auto` makes them.",
+        "scheme newmark\nsteps t = 0 to 1 by 0.01",
+        "scheme bdf2\nsteps t = 0 to 1 by 0.01",
     ),
     page(
         W660,

@@ -263,6 +263,8 @@ fn warnings() -> Vec<Pair> {
         Pair::new("W515", SHEARED).near("4*(", "2*("),
         Pair::new("W518", TRACTION).near("unknown l :", "multiplier l :"),
         Pair::new("W517", APART).near("(X - Interpolate(X, m))", "(Interpolate(X, m) - X)"),
+        Pair::new("W519", flow("data k : scalar = if x < 0.5 then 1 else 10\nterm more on all : k*Grad_p.Grad_Test_p"))
+            .near("k : scalar =", "k : scalar DP0 ="),
         Pair::new("W602", BETWEEN_KINKS).near("search=none", "search=auto"),
         Pair::new("W605", NITSCHE.replace("1e4", "1e17")).near("gamma = 1e17", "gamma = 1e5"),
         Pair::new("W606", PRESSED).near("gamma = 1e3", "gamma = 1e7"),
@@ -345,6 +347,13 @@ fn warnings() -> Vec<Pair> {
              measure change = mean(d - Previous_d) on all\n",
         )
         .near("max_iter=5", "max_iter=20"),
+        Pair::new(
+            "W652",
+            "mesh box [0] to [1] cells [20] segment\nregion left = faces where x == 0\nunknown T : scalar\n\
+             term heat on all : Dot_T*Test_T + 10*Grad_T.Grad_Test_T\nload T = 1 on all\nfix T = 1 on left\n\
+             scheme newmark\nsteps t = 0 to 1 by 0.1\n",
+        )
+        .near("scheme newmark", "scheme bdf2"),
         Pair::new("W660", AT_BOUND).command("run scene.wfl --gradient moved --with P").near("r = 1\n", "r = 0.5\n"),
         Pair::new("W680", SHORT_CRACK).near("x < 0.26", "x < 0.51"),
         Pair::new("W702", flow("param k = 1")).near("param k = 1", "param k = 1\nload p = k on all"),

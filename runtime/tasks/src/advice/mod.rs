@@ -1,10 +1,11 @@
 //! What is said of a scene before it is run: formulations of contact that carry no stress, Nitsche parameters below their
 //! safe value, bodies that are not positive definite, lock or do not know a rotation, distances and forces with the
-//! wrong sign, quadrature rules with too few points.
+//! wrong sign, quadrature rules with too few points, known fields that jump between their nodes.
 //!
 //! The numbers are those of the runtime; here they become messages at their places. Does not change the scene.
 
 pub mod contact;
+mod data;
 mod definite;
 mod distances;
 pub mod hourglass;
@@ -60,6 +61,7 @@ const CHECKS: &[Check] = &[
     Check { codes: &[Code::W513], look: |at| at.at_first(|first| locking::bodies(at.scene, first)) },
     Check { codes: &[Code::W517], look: |at| at.at_first(|first| distances::signs(at.scene, first)) },
     Check { codes: &[Code::W518], look: |at| at.at_first(|first| tractions::unknowns(at.loaded, at.scene, first)) },
+    Check { codes: &[Code::W519], look: |at| data::jumps(at.loaded, at.scene) },
     Check { codes: &[Code::E613, Code::E614], look: |at| signs::forces(at.loaded, at.scene, &at.of_contact) },
     Check { codes: &[Code::W507, Code::W508, Code::W509, Code::W510], look: |at| at.of_contact.clone() },
 ];
