@@ -90,8 +90,6 @@ pub struct Rates {
     open: Option<f64>,
     /// The increments of the last steps whose ends are kept, the newest first.
     before: Vec<f64>,
-    /// The length of a step before the first one that given values are taken to have made; `None` from the first step's end on.
-    given_before: Option<f64>,
     /// The largest order of backward differentiation in the next step.
     order: usize,
 }
@@ -103,8 +101,6 @@ pub struct RatesMemory {
     pub factors: [f64; 3],
     /// The increments of the last steps, the newest first; empty before the first one.
     pub before: Vec<f64>,
-    /// The length of the step before the first one that given values are taken to have made.
-    pub given_before: Option<f64>,
     /// What each field that has rates keeps, and what rounding has taken from its values.
     pub kept: Vec<Vec<f64>>,
 }
@@ -139,7 +135,6 @@ impl Rates {
             histories,
             open: None,
             before: Vec::new(),
-            given_before: None,
             order: MOST_ORDER,
         };
         this.hold();
@@ -160,14 +155,13 @@ impl Rates {
         let numbers = self.fields.iter_mut().flat_map(|of| of.kept.iter_mut().chain(&mut of.lost));
         numbers.for_each(|numbers| numbers.fill(0.0));
         self.of_step = RateFactors::default();
-        self.turn();
+        self.before.clear();
         self.hold();
     }
 
     /// Rates jump here: backward differentiation begins again with a step of backward Euler.
     pub fn turn(&mut self) {
         self.before.clear();
-        self.given_before = None;
     }
 
     /// The rates at the start, which were taken, are exact: backward differentiation begins with a quotient over a step of no
@@ -377,7 +371,6 @@ impl Rates {
                 before.clone_from(now);
             }
             self.before = self.with_open();
-            self.given_before = None;
             self.open = None;
         }
     }
@@ -424,8 +417,7 @@ impl Rates {
         let ended = ended.unwrap_or_else(|| self.fields.iter().map(|of| of.kept.clone()).collect());
         let lost = self.fields.iter().map(|of| of.lost[1].clone());
         let kept = ended.into_iter().zip(lost).flat_map(|(kept, lost)| kept.into_iter().chain([lost])).collect();
-        let given_before = self.given_before.filter(|_| self.open.is_none());
-        RatesMemory { factors: [rate, velocity, acceleration], before: self.with_open(), given_before, kept }
+        RatesMemory { factors: [rate, velocity, acceleration], before: self.with_open(), kept }
     }
 
     /// Goes back to what was remembered; false, and nothing is changed, if that belongs to other fields.
@@ -445,7 +437,6 @@ impl Rates {
         }
         self.hold();
         self.before.clone_from(&memory.before);
-        self.given_before = memory.given_before;
         let [rate, velocity, acceleration] = memory.factors;
         self.factors = RateFactors { rate, velocity, acceleration };
         self.of_step = self.factors;

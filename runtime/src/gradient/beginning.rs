@@ -50,7 +50,7 @@ impl Beginning {
         let Some(rates) = step.rates.as_ref().filter(|r| r.are_read_at_start(of_a_list)) else { return Ok(None) };
         let fields = rates.fields().iter().map(|of| (of.form, of.dofs.clone())).collect();
         let begins_with_rates = rates.scheme().most_order(RateForm::First) > 2 && of_a_list;
-        let driven = rates.given_before().map(|length| 0.5 * length);
+        let driven = rates.length_before().filter(|_| rates.are_driven()).map(|length| 0.5 * length);
         standing.at(0)?;
         if standing.solving.explicit.is_some() {
             return Ok(Some(Self { mass: None, fields, begins_with_rates, driven }));

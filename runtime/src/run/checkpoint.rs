@@ -37,7 +37,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 25;
+const FORMAT: u64 = 24;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -178,7 +178,6 @@ fn written(state: &RunState, c: Clock) -> Vec<u8> {
     memory(&mut w, m);
     w.numbers(&rates.factors);
     w.numbers(&rates.before);
-    w.numbers(rates.given_before.as_slice());
     w.count(rates.kept.len());
     rates.kept.iter().for_each(|kept| w.numbers(kept));
     w.numbers(&solver.factored);
@@ -353,8 +352,7 @@ fn found_in(r: &mut Reader<'_>, steps: Vec<StepResult>, log: Log) -> Result<Foun
     let [rate, velocity, acceleration] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let before = r.numbers()?;
     let factors = [rate, velocity, acceleration];
-    let given_before = r.numbers()?.first().copied();
-    let rates = RatesMemory { factors, before, given_before, kept: r.list(Reader::numbers)? };
+    let rates = RatesMemory { factors, before, kept: r.list(Reader::numbers)? };
     let solver = SolverMemory {
         factored: r.numbers()?,
         dense: r.flag()?,

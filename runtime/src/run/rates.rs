@@ -144,9 +144,10 @@ pub(super) fn start(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<()
     form_of(scene, RateForm::Second).into_iter().for_each(|d| second[d] = highest[d]);
     keep(scene, &first, &second);
     if let Some(rates) = scene.system.rates_mut() {
+        let keeps_errors = rates.scheme().keeps_errors_of_given();
         if begins_with_rates && all_known {
             rates.begin_with_rates();
-        } else if rates.are_driven() {
+        } else if rates.are_driven() && (all_known || keeps_errors) {
             rates.begin_driven(&first, &second, at.increment);
         }
     }

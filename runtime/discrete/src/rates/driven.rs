@@ -5,9 +5,9 @@
 //! and that of second rates grows. So what is prescribed is differentiated by backward differences of second order, which
 //! forget: its rates and the forces that follow from them are of second order in the step (second rates where steps are equal or
 //! change slowly), and the impulse of a sudden motion is whole.
-//! Backward differentiation has no step before its first one: there it begins with differences, and a motion that begins with an
-//! acceleration would have half of that, and what the next steps make of the error, where these are short, a multiple of it. Of given values
-//! the rates where time starts are known, and with them a step before.
+//! Backward differentiation has no step before its first one, and begins with differences: a given motion that begins with an
+//! acceleration would have half of that, and, where the next steps are shorter, a multiple. Where something is driven, it begins with a step
+//! before that had the rates where time starts, for all unknowns: two rules in one matrix of masses would not keep an impulse.
 //! The equations are written with one scalar for all dofs; what is missing is added to the histories.
 
 use std::ops::Range;
@@ -123,9 +123,9 @@ pub(super) struct Both<T> {
 }
 
 impl Rates {
-    /// Unknowns are driven: before the first step. Schemes without rows for given values leave them alone.
+    /// Unknowns are driven: before the first step. Schemes whose rates of given values are right leave them alone.
     pub fn set_driven(&mut self, driven: Driven) {
-        if driven.is_empty() || !self.scheme.has_rows_of_given() {
+        if driven.is_empty() || !self.scheme.begins_with_given() {
             return;
         }
         self.driven = Some(driven.into());
@@ -140,10 +140,8 @@ impl Rates {
 
     /// What has rates of values alone: driven unknowns and those without mass.
     pub(super) fn find_made_of_values(&mut self) {
-        let driven = self.driven.as_deref().cloned().unwrap_or_default();
-        let keeps_errors = self.scheme.keeps_errors_of_given();
-        let both = if keeps_errors { driven.with(&self.without_mass) } else { driven };
-        if both.is_empty() {
+        let both = self.driven.as_deref().cloned().unwrap_or_default().with(&self.without_mass);
+        if both.is_empty() || !self.scheme.keeps_errors_of_given() {
             return;
         }
         for of in self.fields.iter_mut().filter(|of| both.has_some_of(of)) {
@@ -169,7 +167,7 @@ impl Rates {
 
     /// The rates of driven unknowns where time starts, first and second ones by dof, are exact: the step before the first one, of
     /// the same length, had the means of a motion with these. A value that jumps in the first step acts with its whole impulse
-    /// then, which it would not behind a step of no length. Others read nothing of it.
+    /// then, which it would not behind a step of no length.
     pub fn begin_driven(&mut self, first: &[f64], second: &[f64], increment: f64) {
         for of in &mut self.fields {
             let [_, _, of_value, of_rate, ..] = &mut of.kept;
@@ -180,13 +178,13 @@ impl Rates {
                 *quotient = second[d];
             }
         }
-        self.given_before = Some(increment);
+        self.before = vec![increment];
     }
 
-    /// The length of the step before the first one that driven unknowns are taken to have made, in that first step.
+    /// The length of the step before the one that was begun; `None` where there was none.
     #[must_use]
-    pub fn given_before(&self) -> Option<f64> {
-        self.given_before
+    pub fn length_before(&self) -> Option<f64> {
+        self.before.first().copied()
     }
 
     /// Adds to the histories of the step that was begun at `before` what driven unknowns miss of their rates; `u` has their
@@ -269,23 +267,20 @@ impl Rates {
     /// The lengths that rates of given values are made with in the step that was begun, by backward differentiation of second order;
     /// `None` where they have the rows of all others.
     fn lengths_of_given(&self) -> Option<Lengths> {
-        let before = self.given_before.as_ref().map_or(&self.before[..], std::slice::from_ref);
-        let have_some = self.given_before.is_some() || self.scheme.keeps_errors_of_given();
-        Some(Lengths::new(self.open?, before).at_most(2)).filter(|_| have_some)
+        let lengths = Lengths::new(self.open?, &self.before).at_most(2);
+        Some(lengths).filter(|_| self.scheme.keeps_errors_of_given())
     }
 
-    /// What is kept at the end of the step that was begun, as rows. What driven unknowns keep beside their rates, where all others keep
-    /// rates alone, is kept for all unknowns of the field and read for those alone.
+    /// What is kept at the end of the step that was begun, as rows. What driven unknowns keep beside their rates is kept for all
+    /// unknowns of the field and read for those alone.
     pub(super) fn rows_at_end(&self, of: &FieldRates) -> Option<[Both<Row>; KEPT]> {
         let own = self.scheme.at_end(of.form, self.lengths()?);
         let Some(lengths) = self.lengths_of_given().filter(|_| self.made_of_values.is_some()) else {
             return Some(own.map(|row| Both { own: row, driven: row }));
         };
         let driven = Scheme::of_given(lengths);
-        let is_rate_alone = self.scheme.keeps_errors_of_given();
-        let own: [Row; KEPT] =
-            std::array::from_fn(|slot| if is_rate_alone && slot > 1 { driven[slot] } else { own[slot] });
-        Some(std::array::from_fn(|slot| Both { own: own[slot], driven: driven[slot] }))
+        let rates = |slot| if slot < 2 { own[slot] } else { driven[slot] };
+        Some(std::array::from_fn(|slot| Both { own: rates(slot), driven: driven[slot] }))
     }
 
     /// The rates that the equations of the step that was begun are written with.

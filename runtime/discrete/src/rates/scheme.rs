@@ -307,9 +307,9 @@ impl Scheme {
         matches!(self, Scheme::Newmark { .. } | Scheme::Alpha(_))
     }
 
-    /// True if rates of given values have rows of their own, in all steps or in the first one.
+    /// True if steps begin with the rates of given values where time starts.
     #[must_use]
-    pub(super) fn has_rows_of_given(&self) -> bool {
+    pub(super) fn begins_with_given(&self) -> bool {
         self.keeps_errors_of_given() || matches!(self, Scheme::Bdf { .. })
     }
 
