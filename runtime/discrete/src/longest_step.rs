@@ -288,3 +288,22 @@ fn largest_of_tridiagonal(diagonal: &[f64], beside: &[f64]) -> (f64, f64) {
     let size = dot(&vector, &vector).sqrt();
     (high, vector[n - 1].abs() / size)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_eigenvalue_of_a_tridiagonal_matrix_has_its_closed_form() {
+        // second differences of n points: 2 - 2 cos(pi k/(n + 1)), with the eigenvector sin(pi k j/(n + 1))
+        for n in [1usize, 2, 5, 40] {
+            let (value, end) = largest_of_tridiagonal(&vec![2.0; n], &vec![-1.0; n - 1]);
+            #[expect(clippy::cast_precision_loss, reason = "small")]
+            let angle = std::f64::consts::PI * n as f64 / (n as f64 + 1.0);
+            assert!((value - (2.0 - 2.0 * angle.cos())).abs() < 1e-13, "{n}: {value}");
+            #[expect(clippy::cast_precision_loss, reason = "small")]
+            let entry = (2.0 / (n as f64 + 1.0)).sqrt() * (angle * n as f64).sin().abs();
+            assert!((end - entry).abs() < 1e-6, "{n}: {end} {entry}");
+        }
+    }
+}
