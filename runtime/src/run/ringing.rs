@@ -75,7 +75,10 @@ impl Ringing {
             let name = &scene.system.fields[*field].name;
             let text = format!("at t = {time} the rate of `{name}` has changed its sign in {STEPS} steps in a row");
             Diagnostic::new(Code::W652, text)
-                .note("this scheme keeps what decays within a step for ever, with changing sign: values oscillate around the solution, and flows are those of the oscillation")
+                .note(
+                    "this scheme keeps what decays within a step for ever, with changing sign: values oscillate around the \
+                     solution, and flows are those of the oscillation",
+                )
                 .help("scheme bdf2 or backward_euler; or steps that begin much smaller")
         };
         self.found.iter().map(told).collect()

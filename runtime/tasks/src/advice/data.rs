@@ -16,11 +16,11 @@ const SEEN: f64 = 0.01;
 /// W519 for each known field that is not what its formula says, where that has cases by position.
 #[must_use]
 pub(super) fn jumps(loaded: &Loaded, scene: &Scene) -> Vec<Diagnostic> {
-    let cased = loaded.script.fields.iter().filter_map(|field| match &field.kind {
-        FieldKind::Data { value: DataValue::Formula(formula) } if has_cases(formula) => Some(field),
-        _ => None,
-    });
-    let mut cased = cased.peekable();
+    let has_cases = |field: &&wfl::Field| match &field.kind {
+        FieldKind::Data { value: DataValue::Formula(formula) } => has_cases(formula),
+        _ => false,
+    };
+    let mut cased = loaded.script.fields.iter().filter(has_cases).peekable();
     if cased.peek().is_none() {
         return Vec::new();
     }
@@ -33,7 +33,8 @@ pub(super) fn jumps(loaded: &Loaded, scene: &Scene) -> Vec<Diagnostic> {
         );
         let d = Diagnostic::new(Code::W519, text)
             .at(field.name.span, "its values are taken at nodes and are smooth between them");
-        Some(d.help(format!("one value for each cell, `data {name} : scalar DP0 = ...` where cells end at the jump; or `def {name} = ...`, which is evaluated at the points of integration")))
+        Some(d.help(format!("one value for each cell, `data {name} : scalar DP0 = ...` where cells end at the jump; or `def {name} = ...`, which is \
+             evaluated at the points of integration")))
     };
     cased.filter_map(told).collect()
 }
