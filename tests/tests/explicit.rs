@@ -432,6 +432,17 @@ fn dashpots_between_dofs_act_at_one_time() {
         let solved = run(pair(c, steps));
         assert!((last(&solved, "v") - 1.0).abs() < 1e-9 && (last(&solved, "w") - 1.0).abs() < 1e-9, "{c}");
     }
+    // behind a driven body: v' = c (t - v), v = t - (1 - exp(-c t))/c, of second order
+    let behind = |n: u32| {
+        let solved = run(format!(
+            "mesh box [0] to [1] cells [2] segment\nregion le = faces where x == 0\nunknown a : scalar\nunknown b : scalar\n\
+             term ia on all : Dot2_a*Test_a + Grad_a.Grad_Test_a\nterm ib on all : Dot2_b*Test_b + 1e-3*Grad_b.Grad_Test_b\n\
+             term c on all : 3*(Dot_a - Dot_b)*(Test_a - Test_b)\nfix a = t^2/2 on all\n\
+             scheme explicit\nsteps t = 0 to 1 by 1/{n}\nmeasure v = mean(Dot_b) on all\n"
+        ));
+        (last(&solved, "v") - (1.0 - (1.0 - (-3f64).exp()) / 3.0)).abs()
+    };
+    assert!((order(behind(50), behind(100)) - 2.0).abs() < 0.1, "{} {}", behind(50), behind(100));
     // a load along the direction that an oblique dashpot leaves free
     let solved = run("mesh box [0,0] to [1,1] cells [2,2] quad\nunknown u : vector\nterm i on all : Dot2_u.Test_u\n\
                       term d on all : 40*(Dot_u.[0.6,0.8])*(Test_u.[0.6,0.8])\nload u = [-0.8,0.6] on all\n\

@@ -38,7 +38,11 @@ pub fn with_damping_beside(
         .map(|d| if system.numbering.free[d] == FIXED { acceleration[d] } else { 0.0 })
         .collect();
     system.numbering.frames.turn_back(&mut prescribed);
-    let of_prescribed = damping.of_prescribed(system, &prescribed)?;
+    let mut of_prescribed = damping.over_free(system, &prescribed)?;
+    // of several ranks each has found its rows
+    if let Some(owners) = system.owners() {
+        owners.update(&mut of_prescribed);
+    }
     let divisors: Vec<f64> =
         system.numbering.free_dofs.iter().map(|d| lumped.divisor(*d as usize, window.increment)).collect();
     let mut b = Vec::new();

@@ -116,8 +116,8 @@ impl Lumped {
 
 /// The derivative of the equations in the unknowns, or in the velocities without what steps solve for.
 pub(crate) struct Operator {
-    /// That of the terms that are not linear, over the free dofs.
-    changing: Csr,
+    /// That of the terms that are not linear, over the free dofs; `None` where they do not count.
+    changing: Option<Csr>,
     /// The linear terms where nothing has moved and nothing moves, by dof in the axes of the scene: the rows of this rank.
     at_rest: Vec<f64>,
     /// Of the velocities.
@@ -139,8 +139,7 @@ impl Operator {
     /// The damping of linear terms beside the diagonal. The rates of the system are left zero.
     pub(crate) fn linear_damping(system: &mut System, window: Window) -> Result<Self, SystemError> {
         rest(system, window);
-        let changing = system.new_tangent().changing;
-        let mut this = Self { changing, at_rest: Vec::new(), of_rates: true, linear: true };
+        let mut this = Self { changing: None, at_rest: Vec::new(), of_rates: true, linear: true };
         this.at_rest = this.linear(system, &vec![0.0; system.numbering.n_dofs])?;
         Ok(this)
     }
@@ -163,14 +162,14 @@ impl Operator {
             changing = moving;
             rest(system, window);
         }
-        let mut this = Self { changing, at_rest: Vec::new(), of_rates, linear };
+        let mut this = Self { changing: Some(changing), at_rest: Vec::new(), of_rates, linear };
         this.at_rest = this.linear(system, &vec![0.0; system.numbering.n_dofs])?;
         Ok(this)
     }
 
     /// True if no term has it.
     fn is_nothing(&self, system: &System) -> bool {
-        let is_zero = self.changing.values().iter().all(|v| *v == 0.0);
+        let is_zero = self.changing.iter().flat_map(Csr::values).all(|v| *v == 0.0);
         system.team().all(is_zero) && !system.terms.iter().any(|t| self.takes(t))
     }
 
@@ -195,16 +194,13 @@ impl Operator {
         found
     }
 
-    /// What accelerations of prescribed dofs, by dof in the axes of the scene, are multiplied by, over the free dofs.
-    pub(crate) fn of_prescribed(&self, system: &mut System, moved: &[f64]) -> Result<Vec<f64>, SystemError> {
+    /// The linear terms times a vector by dof in the axes of the scene, over the free dofs: the rows of this rank.
+    pub(crate) fn over_free(&self, system: &mut System, moved: &[f64]) -> Result<Vec<f64>, SystemError> {
         let mut all = self.linear(system, moved)?;
         all.iter_mut().zip(&self.at_rest).for_each(|(a, b)| *a -= b);
         system.numbering.turn(&mut all);
         let mut y = Vec::new();
         system.numbering.gather(&all, &mut y);
-        if let Some(owners) = system.owners() {
-            owners.update(&mut y);
-        }
         Ok(y)
     }
 
@@ -213,19 +209,16 @@ impl Operator {
         let zero = vec![0.0; system.numbering.n_dofs];
         let mut moved = zero.clone();
         system.numbering.advance(&zero, x, 1.0, &mut moved);
-        let mut all = self.linear(system, &moved)?;
-        all.iter_mut().zip(&self.at_rest).for_each(|(a, b)| *a -= b);
-        let numbering = &system.numbering;
-        numbering.turn(&mut all);
-        let mut y = Vec::new();
-        numbering.gather(&all, &mut y);
-        self.changing.multiply_add(x, &mut y, rayon::current_num_threads());
+        let mut y = self.over_free(system, &moved)?;
+        if let Some(changing) = &self.changing {
+            changing.multiply_add(x, &mut y, rayon::current_num_threads());
+        }
         // of several ranks each has found its rows
         if let Some(owners) = system.owners() {
             owners.update(&mut y);
         }
         if self.of_rates && self.linear {
-            for ((y, x), d) in y.iter_mut().zip(x).zip(&numbering.free_dofs) {
+            for ((y, x), d) in y.iter_mut().zip(x).zip(&system.numbering.free_dofs) {
                 *y -= lumped.damping[*d as usize] * x;
             }
         }

@@ -336,7 +336,7 @@ pages! {
         "newmark has beta (more than 0, at most 1) and gamma (1/2 to 1; of second order with 1/2), hht has alpha (-1/3 to \
          0), generalised_alpha has rho_inf (0 to 1), explicit has fraction (above 0, at most 0.95), bdf3, bdf2 and \
          backward_euler have none. All take `energy` where a term has `Dot2_`, and all but explicit `massless=REGION`: two layers of other \
-         nodes have to stand behind those of the region, and inertia has to be a linear term that stays the same.",
+         nodes have to stand behind those of the region, and inertia has to be a linear term on cells that stays the same.",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=0.1",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=-0.1",
     ),
@@ -365,7 +365,8 @@ pages! {
         "`scheme explicit` puts the mass on the diagonal: the sums of the rows of the mass matrix. They must be positive, and \
          they must stay the same. Elements of degree 2 on triangles and tetrahedra have rows whose sum is zero or \
          negative, and a term in which `Dot2_u` stands beside something that depends on unknowns or on the step variable \
-         has no mass of its own. Elements of degree 1, quadrilaterals and hexahedra have positive sums; write the inertia as a \
+         has no mass of its own. Inertia that acts on another component, another field or the other side of a face, or through \
+         gradients, is no number for each dof: lumped it would be another motion. Elements of degree 1, quadrilaterals and hexahedra have positive sums; write the inertia as a \
          term of its own.",
         "mesh box [0,0] to [1,1] cells [2,2] tri\nunknown u : scalar P2\nterm inertia on all : Dot2_u*Test_u\n\
          term stress on all : Grad_u.Grad_Test_u\nscheme explicit\nsteps t = 0 to 1 by auto",
