@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Assembly and the fault benchmark against other programs, run A B A B on one machine; writes results.md beside itself.
-With --solve, whole problems against DOLFINx with PETSc; writes solve.md.
+With --solve, whole problems against DOLFINx with PETSc and NGSolve; writes solve.md.
 
     python3 benches/compare/compare.py [--solve] [--rounds 3] [--folder DIR] [--only PEER ...] [--built]
 
@@ -160,15 +160,21 @@ def measure(bench, peers, rounds, folder):
     return {key: statistics.median(list_) for key, list_ in speeds.items()}, refused, faults
 
 
-# scene, options of WFL, case and size of DOLFINx, its solvers
+# scene, options of WFL, case and size of the peers, solvers by peer
 SOLVES = [
-    ("neo-Hookean cube, P2, 12 cells, 4 steps", "cube", ["cells=[12,12,12]"], "cube", 12, ["mumps"]),
-    ("elastic block, P2, 16 cells", "block", ["cells=[16,16,16]"], "block P2", 16, ["gamg", "mumps"]),
-    ("elastic block, P2, 24 cells", "block", ["cells=[24,24,24]"], "block P2", 24, ["gamg"]),
-    ("elastic block, P1, 40 cells", "block", ["cells=[40,40,40]", "degree=1"], "block P1", 40, ["gamg"]),
-    ("Stokes flow, Taylor-Hood, 128 x 64 cells", "stokes", ["cells=[128,64]"], "stokes", 64, ["mumps"]),
-    ("heat, 64 x 64 cells, 1000 steps", "heat", ["cells=[64,64]"], "heat", 64, ["mumps"]),
-]
+    ("neo-Hookean cube, P2, 12 cells, 4 steps", "cube", ["cells=[12,12,12]"], "cube", 12,
+     {"DOLFINx": ["mumps"], "NGSolve": ["cholesky"]}),
+    ("elastic block, P2, 16 cells", "block", ["cells=[16,16,16]"], "block P2", 16,
+     {"DOLFINx": ["gamg", "mumps"], "NGSolve": ["cholesky", "bddc"]}),
+    ("elastic block, P2, 24 cells", "block", ["cells=[24,24,24]"], "block P2", 24,
+     {"DOLFINx": ["gamg"], "NGSolve": ["bddc"]}),
+    ("elastic block, P1, 40 cells", "block", ["cells=[40,40,40]", "degree=1"], "block P1", 40, {"DOLFINx": ["gamg"]}),
+    ("Stokes flow, Taylor-Hood, 128 x 64 cells", "stokes", ["cells=[128,64]"], "stokes", 64,
+     {"DOLFINx": ["mumps"], "NGSolve": ["lu"]}),
+    ("heat, 64 x 64 cells, 1000 steps", "heat", ["cells=[64,64]"], "heat", 64,
+     {"DOLFINx": ["mumps"], "NGSolve": ["cholesky"]}),
+]  # fmt: skip
+SOLVERS = {"mumps": "MUMPS", "gamg": "CG + GAMG", "cholesky": "its Cholesky", "lu": "UMFPACK", "bddc": "CG + BDDC"}
 PEAK = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True); " \
     "u = resource.getrusage(resource.RUSAGE_CHILDREN); print(u.ru_utime + u.ru_stime, u.ru_maxrss * 1024)"
 
@@ -183,38 +189,45 @@ def solve_wfl(scene, words, folder):
     return {"seconds": float(seconds), "peak": float(peak), "value": step["measures"]["value"]}
 
 
-def solves(dolfinx, rounds, folder):
+def solve_peer(peer, case, size, solver):
+    """Processor time, peak memory and measure of one run of a peer."""
+    environment = {**os.environ, **ONE_THREAD, **peer.environment}
+    script = HERE / f"peers/{peer.name.lower()}_solve.py"
+    text = call(peer.python, script, case, size, solver, env=environment, cwd=HERE / "peers")
+    return json.loads(text.splitlines()[-1])
+
+
+def solves(peers, rounds, folder):
     """Rows of whole problems: name, then by program the medians of the rounds, run in turn."""
     rows = []
     for name, scene, words, case, size, solvers in SOLVES:
-        runs = {"WFL": []} | {solver: [] for solver in solvers}
+        others = [(peer, solver) for peer in peers for solver in solvers.get(peer.name, [])]
+        runs = {"WFL": []} | {f"{peer.name}, {SOLVERS[solver]}": [] for peer, solver in others}
         for turn in range(rounds):
             print(f"round {turn + 1}: {name}", file=sys.stderr)
             runs["WFL"].append(solve_wfl(scene, words, folder))
-            for solver in solvers:
-                environment = {**os.environ, **ONE_THREAD, **dolfinx.environment}
-                script = HERE / "peers/dolfinx_solve.py"
-                text = call(dolfinx.python, script, case, size, solver, env=environment, cwd=HERE / "peers")
-                runs[solver].append(json.loads(text.splitlines()[-1]))
+            for peer, solver in others:
+                runs[f"{peer.name}, {SOLVERS[solver]}"].append(solve_peer(peer, case, size, solver))
         middle = lambda list_, key: statistics.median(row[key] for row in list_)  # noqa: E731
         rows.append((name, {k: {key: middle(v, key) for key in ("seconds", "peak", "value")} for k, v in runs.items()}))
     return rows
 
 
-def solve_page(version, rows, rounds):
+def solve_page(versions, absent, rows, rounds):
     cpu = next((l.split(":")[1].strip() for l in open("/proc/cpuinfo") if l.startswith("model name")), "?")
     commit = call("git", "-C", ROOT, "rev-parse", "--short", "HEAD").strip()
     lines = [
-        "# Whole problems against DOLFINx with PETSc",
+        "# Whole problems against DOLFINx with PETSc and NGSolve",
         "",
         "Written by `benches/compare/compare.py --solve`: the scenes of `benches/compare/scenes` and the same problems in",
-        f"`peers/dolfinx_solve.py`. Processor time on one thread, medians of {rounds} round(s) run in turn; WFL is the whole command",
-        "with its checks and files, DOLFINx from the mesh to the solution, its compiled forms in a cache. `difference` is that",
-        "of the measure of the scene.",
+        f"`peers/*_solve.py`. Processor time on one thread, medians of {rounds} round(s) run in turn; WFL is the whole command",
+        "with its checks and files, the others from the mesh to the solution, compiled forms of DOLFINx in a cache.",
+        "`difference` is that of the measure of the scene; NGSolve interpolates the inflow of the Stokes problem differently.",
         "",
         f"- {datetime.date.today()}, {cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}, "
         f"load {os.getloadavg()[0]:.1f} at the end",
-        f"- WFL {commit}; DOLFINx {version}: MUMPS (LLT, or LU of the Stokes system), or conjugate gradients with GAMG",
+        f"- WFL {commit}; " + "; ".join(f"{name} {version}" for name, version in versions.items()),
+        *(f"- {name}: not measured ({reason})" for name, reason in absent.items()),
         "",
         "| problem | program | seconds | times WFL | peak memory, GB | difference |",
         "|---|---|---|---|---|---|",
@@ -222,10 +235,9 @@ def solve_page(version, rows, rounds):
     for name, runs in rows:
         own = runs["WFL"]
         for program, row in runs.items():
-            label = program if program == "WFL" else {"mumps": "DOLFINx, MUMPS", "gamg": "DOLFINx, CG + GAMG"}[program]
             difference = abs(row["value"] / own["value"] - 1)
             compared = ["-", "-"] if program == "WFL" else [f"{row['seconds'] / own['seconds']:.2f}", f"{difference:.1e}"]
-            cells = [name if program == "WFL" else "", label, f"{row['seconds']:.2f}", compared[0]]
+            cells = [name if program == "WFL" else "", program, f"{row['seconds']:.2f}", compared[0]]
             lines.append("| " + " | ".join([*cells, f"{row['peak'] / 1e9:.2f}", compared[1]]) + " |")
     return "\n".join(lines) + "\n"
 
@@ -270,7 +282,7 @@ def page(versions, absent, measured, rounds):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--solve", action="store_true", help="whole problems against DOLFINx")
+    parser.add_argument("--solve", action="store_true", help="whole problems against DOLFINx and NGSolve")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--folder", type=pathlib.Path)
     parser.add_argument("--only", nargs="*", metavar="PEER")
@@ -280,8 +292,9 @@ def main():
         folder = (options.folder or pathlib.Path(temporary)).resolve()
         versions, absent, peers = {}, {}, []
         for peer in PEERS:
-            wanted = ["DOLFINx"] if options.solve else options.only
-            if wanted is not None and peer.name not in wanted:
+            if options.solve and not (HERE / f"peers/{peer.name.lower()}_solve.py").exists():
+                continue
+            if options.only is not None and peer.name not in options.only:
                 absent[peer.name] = "not asked for"
                 continue
             try:
@@ -292,10 +305,7 @@ def main():
         if not options.built:
             build_wfl()
         if options.solve:
-            dolfinx = next((peer for peer in peers if peer.name == "DOLFINx"), None)
-            if dolfinx is None:
-                sys.exit(f"DOLFINx is needed: {absent['DOLFINx']}")
-            text = solve_page(versions["DOLFINx"], solves(dolfinx, options.rounds, folder), options.rounds)
+            text = solve_page(versions, absent, solves(peers, options.rounds, folder), options.rounds)
             (HERE / "solve.md").write_text(text)
             print(text)
             return

@@ -19,6 +19,10 @@ use wfl_discrete::system::{Branches, FIXED, System, Tangent};
 use wfl_newton::LinearSolver;
 use wfl_sparse::csr::Csr;
 
+/// Masses that stand for infinite ones, in units of the largest sum of a row. Roots lie below one of it where constraints act
+/// along what they hold, and friction, which pulls askew, makes them larger by the factor of its skewness.
+const HEAVY: f64 = 1e4;
+
 /// Directions in which an equilibrium is not stable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unstable {
@@ -67,25 +71,54 @@ pub fn unstable(state: Solved<'_>, solver: &mut LinearSolver, due: bool) -> Opti
     }
 }
 
-/// Free unknowns of the fields that act as forces.
-fn of_forces(system: &System, matrix: &Csr) -> usize {
-    let free = |field: usize| {
-        let range = system.range(field).into_iter().flatten();
-        range.map(|dof| system.numbering.free[dof]).filter(|free| *free != FIXED)
-    };
+/// Fields that act as forces: multipliers, and those whose own diagonal has no positive entry.
+fn forces(system: &System, matrix: &Csr) -> Vec<usize> {
     let acts_as_force = |field: &usize| {
         let is_multiplier = system.fields[*field].kind == FieldKind::Multiplier;
-        is_multiplier || free(*field).all(|row| matrix.get(row as usize, row as usize) <= 0.0)
+        is_multiplier || free(system, *field).all(|row| matrix.get(row, row) <= 0.0)
     };
-    (0..system.fields.len()).filter(acts_as_force).map(|field| free(field).count()).sum()
+    (0..system.fields.len()).filter(acts_as_force).collect()
 }
 
-/// An odd number of real negative eigenvalues of bodies whose tangent is not symmetric.
+/// Free unknowns of a field.
+fn free(system: &System, field: usize) -> impl Iterator<Item = usize> {
+    let range = system.range(field).into_iter().flatten();
+    range.map(|dof| system.numbering.free[dof]).filter(|free| *free != FIXED).map(|free| free as usize)
+}
+
+/// Free unknowns of the fields that act as forces.
+fn of_forces(system: &System, matrix: &Csr) -> usize {
+    forces(system, matrix).into_iter().map(|field| free(system, field).count()).sum()
+}
+
+/// An odd number of real growth rates of a tangent that is not symmetric.
+///
+/// With a mass M on the displacements, a motion that grows as exp(s t) is a root lambda = s^2 > 0 of the polynomial
+/// det(K + lambda M), which has the sign of its first coefficient for large lambda. Where det K has the other one, the roots in
+/// between are odd in number. Multipliers have no mass, so that the first coefficient has a sign of its own, which is that of
+/// a determinant with lambda so large that all roots lie below.
 fn by_determinant(system: &System, solver: &LinearSolver, tangent: &Tangent) -> Option<Unstable> {
-    if !system.has_nonlinear_bodies() || system.fields.iter().any(|f| f.kind == FieldKind::Multiplier) {
+    if !system.has_nonlinear_bodies() {
         return None;
     }
-    let mut beside = solver.beside(system).ok()?;
-    let is_negative = beside.is_negative(system, tangent).ok()??;
+    let is_negative = if system.fields.iter().any(|f| f.kind == FieldKind::Multiplier) {
+        let matrix = system.whole_matrix(tangent).ok()?;
+        let is_negative = solver.sign_of(&matrix)?;
+        is_negative != solver.sign_of(&with_masses(system, matrix)?)?
+    } else {
+        solver.beside(system).ok()?.is_negative(system, tangent).ok()??
+    };
     is_negative.then_some(Unstable::Odd)
+}
+
+/// The matrix and a mass of the unknowns that are no forces, larger than all that it could balance.
+fn with_masses(system: &System, mut matrix: Csr) -> Option<Csr> {
+    let mass = HEAVY * matrix.norm_inf();
+    let as_forces = forces(system, &matrix);
+    for field in (0..system.fields.len()).filter(|field| !as_forces.contains(field)) {
+        for row in free(system, field) {
+            matrix.add_to(row, row, mass).then_some(())?;
+        }
+    }
+    Some(matrix)
 }

@@ -3,6 +3,7 @@
 //! Each finding is made once, as a message with its place in the scene and what helps. Decides nothing about the steps.
 
 use wfl::{Code, Diagnostic};
+use wfl_compiler::types::FieldKind;
 
 use super::{Others, PhysicsCheck, Run, StepResult, ended::Ended, friction, leaving, partial, watched};
 use crate::{
@@ -38,7 +39,7 @@ const CHECKS: &[Check] = &[
         look: |run| friction::findings(run.scene, &run.run.steps).collect(),
     },
     Check { codes: &[Code::W609], look: |run| several(&run.run.steps).into_iter().collect() },
-    Check { codes: &[Code::W640], look: |run| unstable(&run.run.steps).into_iter().collect() },
+    Check { codes: &[Code::W640], look: |run| unstable(run.scene, &run.run.steps).into_iter().collect() },
     Check { codes: &[Code::W641], look: |run| laborious(&run.run.steps).into_iter().collect() },
     Check { codes: &[Code::W606], look: |run| broken_conditions(run.scene, &run.run.steps) },
     Check { codes: &[Code::W645], look: watched::large_strains },
@@ -228,18 +229,25 @@ fn several(steps: &[StepResult]) -> Option<Diagnostic> {
 }
 
 /// W640: the first step that ends in an equilibrium which is no minimum of the energy.
-fn unstable(steps: &[StepResult]) -> Option<Diagnostic> {
+fn unstable(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
     let (time, found) = steps.iter().find_map(|s| Some((s.window.end, s.unstable?)))?;
     let directions = match found {
         Unstable::Directions(1) => "1 direction (a negative eigenvalue of the tangent)".to_owned(),
         Unstable::Directions(n) => format!("{n} directions (negative eigenvalues of the tangent)"),
-        Unstable::Odd => "an odd number of directions (the determinant of the tangent is negative)".to_owned(),
+        Unstable::Odd => "an odd number of directions (by the sign of the determinant of the tangent)".to_owned(),
+    };
+    let has_energy = found != Unstable::Odd && !scene.system.fields.iter().any(|f| f.kind == FieldKind::Multiplier);
+    let help = if has_energy {
+        "`perturb=1e-6` follows the branch that buckles"
+    } else {
+        "a force to the side of 1e-4 of the load leads to the branch that buckles (`perturb` needs a symmetric tangent without \
+         multipliers)"
     };
     let text = format!("at t = {time} the equilibrium is not stable: the energy decreases in {directions}");
     Some(
         Diagnostic::new(Code::W640, text)
             .note("the bodies do not stay there; a load at which they buckle or snap through lies before")
-            .help("`perturb=1e-6` follows the branch that buckles"),
+            .help(help),
     )
 }
 

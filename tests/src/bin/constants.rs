@@ -33,7 +33,7 @@ fn vary(root: &Path, names: &[String]) -> io::Result<()> {
     writeln!(out, "{} constants; building a copy in target/varied", wanted.len())?;
     let mut copy = VariedWorkspace::new(root)?;
     let usual = copy.measure()?;
-    writeln!(out, "the suites take {:.0} s; parts of lists or tables are left out:", usual.as_secs_f64())?;
+    writeln!(out, "the tests take {:.0} s one by one; parts of lists or tables are left out:", usual.as_secs_f64())?;
     copy.left_out().try_for_each(|name| writeln!(out, "  {name}"))?;
     let left_out: Vec<String> = copy.left_out().map(str::to_owned).collect();
     for (name, constant) in wanted.iter().filter(|(name, _)| !left_out.contains(name)) {

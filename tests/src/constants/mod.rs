@@ -16,7 +16,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-pub use varied::{Range, SUITES, UNREAD, VariedWorkspace, name_of, read_ranges, write_ranges};
+pub use varied::{BUDGET, Range, SUITES, UNREAD, VariedWorkspace, name_of, read_ranges, write_ranges};
 
 /// Where the numbers stand, and what decides there.
 const FOLDERS: [(&str, &str); 4] = [
@@ -221,11 +221,13 @@ pub fn page(root: &Path) -> String {
         "# Numbers that decide\n\nIn short: iterations, contact, checks and the search for an accuracy decide by {n} \
          constants. {units} of them have a unit in words, for {reasons} their comment says why they are so large. \
          `cargo run -p wfl-tests --bin constants` makes this page from the comments.\n\nRanges are factors of the value \
-         within which these suites pass, in the release profile: {}. Tried are 1/10 and, where that fails, 1/2; 10, then 2; in \
-         brackets stands the suite that failed at the last one beyond. `cargo run -p wfl-tests --bin constants -- vary NAME..` measures them; {measured} \
+         within which tests of these suites pass, in the release profile: {}; of those that ask for the number the quickest ones, \
+         as many as take {} s one after another. Tried are 1/10 and, where that fails, 1/2; 10, then 2; in brackets stands the \
+         suite that failed at the last one beyond. `cargo run -p wfl-tests --bin constants -- vary NAME..` measures them; {measured} \
          of {} single numbers were measured with their present value. A wide range says that nothing in these suites hangs on \
          the number, no more.\n",
         SUITES.map(name_of).join(", "),
+        BUDGET.as_secs(),
         singles.len(),
     );
     let cell = |text: &str| text.replace('|', "\\|").replace('<', "&lt;");

@@ -16,8 +16,10 @@ use super::{FOLDERS, constants_in};
 /// What a constant is multiplied by: downwards and upwards, the farther one first; where that passes, the nearer one is not
 /// tried.
 const FACTORS: [[f64; 2]; 2] = [[0.1, 0.5], [10.0, 2.0]];
-/// A suite that takes so many times as long as without a change, and [`PATIENCE`] more, has failed: an iteration that no
-/// longer ends.
+/// Tests are run for one change as long as they take this together, quick ones first.
+pub const BUDGET: Duration = Duration::from_secs(10);
+/// Tests that take so many times as long as without a change, and [`PATIENCE`] more, have failed: an iteration that no longer
+/// ends.
 const SLOWER: u32 = 4;
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Attempts to build the copy; each leaves out the constants that cannot be functions.
@@ -27,13 +29,14 @@ const ATTEMPTS: usize = 8;
 /// programs of tests.
 const PACKAGES: [&str; 5] = ["wfl-suites", "wfl-cli", "wfl-newton", "wfl-contact", "wfl-checks"];
 /// The suites, in the order in which they are run, quick ones first: the program that has them, and the part of it.
-pub const SUITES: [[&str; 2]; 6] = [
+pub const SUITES: [[&str; 2]; 7] = [
     ["wfl_newton", ""],
     ["wfl_contact", ""],
     ["wfl_checks", ""],
     ["suites", "robust::"],
     ["suites", "scenes::"],
-    ["command", "pairs::"],
+    ["suites", "checks::"],
+    ["command", "truth::"],
 ];
 
 /// What is told of a constant that no suite asks for.
@@ -94,6 +97,12 @@ struct Suite {
     part: &'static str,
     program: PathBuf,
     folder: PathBuf,
+    tests: Vec<Test>,
+}
+
+/// A test of a suite.
+struct Test {
+    name: String,
     usual: Duration,
     /// The constants that it asks for.
     reads: BTreeSet<String>,
@@ -227,7 +236,7 @@ impl VariedWorkspace {
                 return Err(io::Error::other(format!("{name} has no program")));
             };
             let folder = manifest.parent().map(Path::to_path_buf).unwrap_or_default();
-            self.suites.push(Suite { name, part, program, folder, usual: Duration::ZERO, reads: BTreeSet::new() });
+            self.suites.push(Suite { name, part, program, folder, tests: Vec::new() });
         }
         Ok(BTreeSet::new())
     }
@@ -258,34 +267,48 @@ impl VariedWorkspace {
         }
     }
 
-    /// Runs all suites as they are, for the time that they take and the constants that they ask for.
+    /// Runs each test by itself, for the time that it takes and the constants that it asks for.
     ///
     /// # Errors
     /// The first that fails.
     pub fn measure(&mut self) -> io::Result<Duration> {
-        let mut all = Duration::ZERO;
+        let asked = self.root.join("asked");
         for suite in &mut self.suites {
-            let start = Instant::now();
-            let asked = self.root.join(format!("asked-{}", suite.name));
-            std::fs::create_dir_all(&asked)?;
-            if !suite.passes([ASKED, &asked.display().to_string()], Duration::from_secs(3600))? {
-                return Err(io::Error::other(format!("{} fails without a change", suite.name)));
+            for name in suite.listed()? {
+                std::fs::create_dir_all(&asked)?;
+                let start = Instant::now();
+                if !suite.passes(&[&name], [ASKED, &asked.display().to_string()], Duration::from_secs(3600))? {
+                    return Err(io::Error::other(format!("{name} of {} fails without a change", suite.name)));
+                }
+                let usual = start.elapsed();
+                let files = std::fs::read_dir(&asked)?;
+                let reads = files.map(|file| Ok(file?.file_name().to_string_lossy().replace('!', "/")));
+                suite.tests.push(Test { name, usual, reads: reads.collect::<io::Result<_>>()? });
+                std::fs::remove_dir_all(&asked)?;
             }
-            suite.usual = start.elapsed();
-            all += suite.usual;
-            for name in std::fs::read_dir(&asked)? {
-                suite.reads.insert(name?.file_name().to_string_lossy().replace('!', "/"));
-            }
-            std::fs::remove_dir_all(&asked)?;
         }
-        Ok(all)
+        Ok(self.suites.iter().flat_map(|suite| &suite.tests).map(|test| test.usual).sum())
     }
 
-    /// The first suite that fails with a constant times a factor; one that does not ask for it cannot.
+    /// The first suite with a test that fails with a constant times a factor, of the quickest tests that ask for it.
     fn failing(&self, constant: &str, factor: f64) -> io::Result<Option<&str>> {
         let change = format!("{constant}={factor}");
-        for suite in self.suites.iter().filter(|suite| suite.reads.contains(constant)) {
-            if !suite.passes([VARIABLE, &change], suite.usual * SLOWER + PATIENCE)? {
+        let asks = |test: &&Test| test.reads.contains(constant);
+        let mut times: Vec<Duration> =
+            self.suites.iter().flat_map(|suite| suite.tests.iter().filter(asks)).map(|test| test.usual).collect();
+        times.sort_unstable();
+        // the quickest one in any case
+        let mut spent = Duration::ZERO;
+        let within = times.iter().enumerate().take_while(|(k, time)| {
+            spent += **time;
+            *k == 0 || spent <= BUDGET
+        });
+        let Some((_, longest)) = within.last() else { return Ok(None) };
+        for suite in &self.suites {
+            let chosen: Vec<&Test> = suite.tests.iter().filter(asks).filter(|test| test.usual <= *longest).collect();
+            let names: Vec<&str> = chosen.iter().map(|test| test.name.as_str()).collect();
+            let usual: Duration = chosen.iter().map(|test| test.usual).sum();
+            if !names.is_empty() && !suite.passes(&names, [VARIABLE, &change], usual * SLOWER + PATIENCE)? {
                 return Ok(Some(suite.name));
             }
         }
@@ -303,7 +326,7 @@ impl VariedWorkspace {
             passes: [1.0; 2],
             fails: [String::new(), String::new()],
         };
-        if !self.suites.iter().any(|suite| suite.reads.contains(constant)) {
+        if !self.suites.iter().flat_map(|suite| &suite.tests).any(|test| test.reads.contains(constant)) {
             range.fails = [UNREAD.to_owned(), UNREAD.to_owned()];
             return Ok(range);
         }
@@ -321,9 +344,19 @@ impl VariedWorkspace {
 }
 
 impl Suite {
-    fn passes(&self, [variable, value]: [&str; 2], within: Duration) -> io::Result<bool> {
+    /// The names of its tests.
+    fn listed(&self) -> io::Result<Vec<String>> {
         let mut command = Command::new(&self.program);
-        command.args((!self.part.is_empty()).then_some(self.part));
+        command.args((!self.part.is_empty()).then_some(self.part)).args(["--list", "--format", "terse"]);
+        let output = command.current_dir(&self.folder).output()?;
+        let text = String::from_utf8_lossy(&output.stdout);
+        Ok(text.lines().filter_map(|line| line.strip_suffix(": test")).map(str::to_owned).collect())
+    }
+
+    /// Whether these tests pass with a variable of the environment.
+    fn passes(&self, tests: &[&str], [variable, value]: [&str; 2], within: Duration) -> io::Result<bool> {
+        let mut command = Command::new(&self.program);
+        command.args(tests).arg("--exact");
         command.current_dir(&self.folder).env(variable, value).stdout(Stdio::null()).stderr(Stdio::null());
         let mut child = command.spawn()?;
         let start = Instant::now();

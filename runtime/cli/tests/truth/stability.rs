@@ -76,6 +76,35 @@ fn the_branch_that_buckles_is_found() {
     assert!(column("euler-stays", 3.0, "", &[]).last("side").abs() < 1e-9);
 }
 
+/// The column on a floor with friction, held by a vector multiplier, and of two halves tied by one: a multiplier adds as many
+/// roots of the other sign as it has unknowns, whichever way its equations are written.
+#[test]
+fn eulers_load_is_told_beside_multipliers_and_friction() {
+    let scene = |times: f64, more: &str| {
+        format!(
+            "param h = 0.05\nmesh box [0,0] to [h,1] cells [2,20] quad\nregion low = faces where y == 0\n\
+             region top = faces where y == 1\nunknown u : vector Q2\nmultiplier lam : vector Q2 on low\n\
+             quadrature on low vertex\ndef la = 300/0.52\ndef mu = 500/1.3\ndef F = Id(2) + Grad_u\n\
+             def P = pi^2*(1000/0.91)*h^3/48\n\
+             term body on all : (F*Saint_Venant_Kirchhoff_PK2(Grad_u,[la;mu])):Grad_Test_u\n\
+             load u = [0, -{times}*t*P/h] on top\nsteps t = 0.25 to 1 by 0.25\nmeasure down = mean(-u(2)) on top\n{more}"
+        )
+    };
+    let floor = "param gamma = 1e4\ndef tang(w) = w - (w.Normal)*Normal\n\
+                 def p = pos_part(gamma*(u.Normal) - lam.Normal)\ndef q = Ball_projection(gamma*tang(u) - tang(lam), 0.5*p)\n\
+                 term contact on low : (p*Normal + q).Test_u\n\
+                 term law on low : -1/gamma*(lam + p*Normal + q).Test_lam\n";
+    // the signs of the two terms of a tie are free: with opposite ones its matrix is not symmetric
+    let tie = "term force on low : -lam.Test_u\nterm tie on low : u.Test_lam\n";
+    for (name, more) in [("floor", floor), ("tie", tie)] {
+        let below = run(&format!("euler-{name}-below"), &scene(0.9, more), &[]);
+        assert!(below.code == 0 && !below.tells("W640"), "{name}: {}", below.text);
+        let above = run(&format!("euler-{name}-above"), &scene(1.1, more), &[]);
+        assert!(above.tells("W640") && above.text.contains("at t = 1 the equilibrium"), "{name}: {}", above.text);
+        assert!(above.text.contains("to the side of 1e-4"), "{name}: {}", above.text);
+    }
+}
+
 /// A square column in space buckles in two directions at once: the determinant of its tangent does not change its sign.
 #[test]
 fn two_directions_at_once_are_told() {

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use super::{Kind, LinearSolver};
 use wfl_discrete::system::{System, Tangent};
 use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{CheckedLlt, Inertia, LinearSolver as _, SolveError, Source, inertia};
+use wfl_sparse::solve::{CheckedLlt, CheckedLu, Inertia, LinearSolver as _, SolveError, Source, inertia};
 
 /// What may be left of the difference to the transpose in a symmetric matrix, in parts of the largest entry: rounding of
 /// laws whose stresses cancel.
@@ -91,5 +91,14 @@ impl LinearSolver {
             Err(SolveError::TooMuchMemory(_)) => None,
             Err(_) => inertia(matrix, Some(self.coordinates.as_slice())).ok(),
         }
+    }
+
+    /// Whether the determinant of a whole matrix over the unknowns of this solver is negative; `None` where its factor does not
+    /// fit into the memory or does not tell.
+    #[must_use]
+    pub fn sign_of(&self, matrix: &Csr) -> Option<bool> {
+        let mut made = CheckedLu::new(matrix.pattern(), Some(self.coordinates.as_slice()), self.options).ok()?;
+        made.factor(matrix).ok()?;
+        made.is_negative()
     }
 }
