@@ -192,6 +192,41 @@ fn what_cannot_be_done_with_these_cells_is_told() {
     refused(&third, rest, &["pyramid of higher order (Gmsh type 118)", "`Mesh.ElementOrder = 2`"]);
 }
 
+/// A polynomial of degree 4 solves Poisson's equation exactly in the spaces of degree 4, on every kind of cell that has them,
+/// with tractions on a face, and from degree 3 it is approached as h^4.
+#[test]
+fn degree_four_has_its_polynomials() {
+    let of = |mesh: &str, space: &str, dim: usize| {
+        // Laplacian of x^4 - 3 x^2 y^2 + y^3 z - x z^3 in space, and without z
+        let (exact, load) = match dim {
+            2 => ("x^4 - 3*x^2*y^2 + 2*y^3", "-(12*x^2 - 6*y^2 - 6*x^2 + 12*y)"),
+            _ => ("x^4 - 3*x^2*y^2 + y^3*z - x*z^3", "-(12*x^2 - 6*y^2 - 6*x^2 + 6*y*z - 6*x*z)"),
+        };
+        format!(
+            "{mesh}\nregion free = faces where x == 1\nregion held = boundary - free\ndef exact = {exact}\n\
+             unknown u : scalar {space}\nterm flow on all : Grad_u.Grad_Test_u\n\
+             load u = {load} on all\nload u = 4*x^3 - 6*x*y^2{} on free\nfix u = exact on held\n\
+             measure apart = max(abs(u - exact)) on all\n",
+            if dim == 2 { "" } else { " - z^3" }
+        )
+    };
+    for (mesh, space, dim) in [
+        ("mesh box [0,0] to [1,1] cells [3,2] tri", "P4", 2),
+        ("mesh box [0,0] to [1,1] cells [3,2] quad", "Q4", 2),
+        ("mesh box [0,0,0] to [1,1,1] cells [2,2,2] tet", "P4", 3),
+        ("mesh box [0,0,0] to [1,1,1] cells [2,1,2] hex", "Q4", 3),
+    ] {
+        let run = |space: &str| {
+            let solved =
+                solve(Path::new("."), of(mesh, space, dim), &[], &[]).unwrap_or_else(|e| panic!("{mesh}: {e}"));
+            solved.measure(0, "apart")
+        };
+        let (four, three) = (run(space), run(&space.replace('4', "3")));
+        assert!(four < EXACT, "{mesh}: {four:e}");
+        assert!(three > 1e-4, "{mesh}: {three:e}");
+    }
+}
+
 /// Laws of finite strain, whose stresses cancel beside 1 where strains are small: F - F^-T, F'F - Id.
 const CANCEL: [&str; 2] = [
     "(mu*(F - Inv(F)') + la*log(Det(F))*Inv(F)'):Grad_Test_u",

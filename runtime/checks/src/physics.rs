@@ -5,7 +5,7 @@
 
 use wfl_compiler::{
     Class,
-    types::{FieldKind, Side, UniformSlot},
+    types::{FieldKind, RateForm, Side, UniformSlot},
 };
 
 use super::{
@@ -17,6 +17,7 @@ use wfl_contact::{Alternation, ContactGaps, Look, Moved, PressedFaces, contact_g
 use wfl_discrete::assemble::{AssembledTerm, TermError};
 use wfl_discrete::field::FieldSpace;
 use wfl_discrete::finite::{largest, position as position_of, short};
+use wfl_discrete::rates::Rates;
 use wfl_discrete::system::{Form, System};
 
 /// Out of balance by more than this part of the forces is more than rounding and the tolerance of Newton: that is 1e-8 where
@@ -74,6 +75,10 @@ pub struct PhysicsCheck {
     pub limit: f64,
     /// The numbers behind it, in words.
     pub detail: String,
+    /// Of a body with inertia the largest displacement (length) that `value` is a part of: a motion that begins has hardly any
+    /// when it meets the first wall, and the largest one of the run is what the length is compared with
+    /// ([`Self::beside`]).
+    pub displacement: Option<f64>,
 }
 
 /// The statement of a scene that a condition is about.
@@ -90,7 +95,13 @@ pub enum About {
 impl PhysicsCheck {
     /// A condition that cannot be judged, and why.
     fn untested(name: String, about: About, limit: f64, why: &str) -> Self {
-        Self { name, about, value: 0.0, limit, detail: format!("{UNTESTED}{why}") }
+        Self { name, about, value: 0.0, limit, detail: format!("{UNTESTED}{why}"), displacement: None }
+    }
+
+    /// The value in parts of the largest displacement among those of the same condition at all times of a run (length).
+    #[must_use]
+    pub fn beside(&self, largest: f64) -> f64 {
+        self.displacement.filter(|own| largest > *own).map_or(self.value, |own| self.value * (own / largest))
     }
 
     /// Why it was not judged, if it was not.
@@ -277,7 +288,7 @@ fn equilibrium(state: Solved<'_>, group: &[usize], tolerance: f64) -> Option<Phy
     let shown = |x: &f64| short(if x.abs() <= BALANCE * size { 0.0 } else { *x });
     let list = |v: &[f64]| v.iter().map(shown).collect::<Vec<_>>().join(", ");
     let detail = format!("loads [{}], reactions [{}]", list(&load), list(&reaction));
-    Some(PhysicsCheck { name, about, value: share(left, size), limit, detail })
+    Some(PhysicsCheck { name, about, value: share(left, size), limit, detail, displacement: None })
 }
 
 /// True for moments that do not balance.
@@ -301,6 +312,7 @@ fn of_moments(system: &System, found: &[(usize, Option<Moments>)], out: &mut Vec
                      at {}: the stress of a body (of finite strains its product with F') is symmetric",
                     position_of(*position)
                 ),
+                displacement: None,
             }),
             Moments::Left { share, .. } => most = Some(most.map_or(*share, |m| m.max(*share))),
             Moments::Untested(why) => {
@@ -378,6 +390,7 @@ fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsChe
         value: share(sum, size),
         limit: BALANCE,
         detail: "the forces on the two sides do not cancel: is the test function the jump of both?".to_owned(),
+        displacement: None,
     })
 }
 
@@ -467,19 +480,32 @@ pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
 /// alternate.
 fn of_contact(state: Solved<'_>, moved: Moved<'_>, look: Look) -> Conditions {
     let mut found = Conditions::default();
+    let rates = state.system.rates().into_iter().flat_map(Rates::fields);
+    let moves = rates.into_iter().any(|of| of.form == RateForm::Second);
     for (term, largest, gaps) in contact_gaps(state.system, state.contact, state.u, moved, look) {
         if gaps.pressed.are_too_large() {
             found.narrow.push(NarrowZone { term: term.to_owned(), faces: gaps.pressed });
         }
         found.zigzags.extend(gaps.alternates.map(|size| Zigzag { term: term.to_owned(), size }));
-        lengths(&mut found.checks, term, &gaps, largest);
+        lengths(&mut found.checks, term, &gaps, Lengths { largest, moves });
         shares(&mut found.checks, term, &gaps);
     }
     found
 }
 
+/// What lengths are compared with.
+#[derive(Clone, Copy)]
+struct Lengths {
+    /// The largest displacement of the bodies of the term (length).
+    largest: f64,
+    /// The scene has second rates.
+    moves: bool,
+}
+
 /// Lengths that should be zero, in parts of the largest displacement of the bodies of the term.
-fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, largest: f64) {
+fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, compared: Lengths) {
+    let Lengths { largest, moves } = compared;
+    let displacement = moves.then_some(largest);
     let [overlaps, slips] = gaps.strained;
     let mut add = |what: &str, length: f64, strained: f64, detail: String| {
         let (name, about) = (format!("{what} `{term}`"), About::Term(term.to_owned()));
@@ -493,7 +519,7 @@ fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, largest:
         } else if gaps.turns && length <= OVERLAP * largest {
             out.push(PhysicsCheck::untested(name, about, OVERLAP, "the normal of the law turns with the bodies"));
         } else {
-            out.push(PhysicsCheck { name, about, value: length / largest, limit: OVERLAP, detail });
+            out.push(PhysicsCheck { name, about, value: length / largest, limit: OVERLAP, detail, displacement });
         }
     };
     add(
@@ -517,7 +543,14 @@ fn shares(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps) {
     let percent = |share: f64| format!("{:.2} %", 100.0 * share);
     let mut add = |what: &str, share: Option<f64>, limit: f64, detail: &dyn Fn(f64) -> String| {
         let (name, about) = (format!("{what} `{term}`"), About::Term(term.to_owned()));
-        out.extend(share.map(|value| PhysicsCheck { name, about, value, limit, detail: detail(value) }));
+        out.extend(share.map(|value| PhysicsCheck {
+            name,
+            about,
+            value,
+            limit,
+            detail: detail(value),
+            displacement: None,
+        }));
     };
     add("tensile contact force at", gaps.pulled, AGAINST, &|s| {
         format!("the force is tensile on {} of the closed area: a wrong sign in the term?", percent(s))
@@ -547,5 +580,6 @@ fn law_at_points(defect: LawDefect, left: f64) -> PhysicsCheck {
              the faces of a node have different normals, or the quadrature points are not the nodes (`quadrature ... \
              vertex`); the effect falls with the size of the faces, and a run with another parameter shows it"
                 .to_owned(),
+        displacement: None,
     }
 }

@@ -477,6 +477,19 @@ term b on boundary : (v*Normal)*Test_v
     assert_eq!(codes, ["E408", "E103", "E102"], "{told}");
 }
 
+/// A number that stands too late is not called unknown, and one whose equation loses its slope on the way has not begun without one.
+#[test]
+fn what_is_there_later_or_was_there_before_is_not_called_missing() {
+    let later = "param a = 2*b\nparam b = 3\nmesh box [0] to [1] cells [1] segment\nunknown u : scalar\n\
+                 term t on all : a*Grad_u.Grad_Test_u\nfix u = 0 on boundary\n";
+    let told = errors(&run("later", later, "check", &[]));
+    assert!(told.contains("param on line 2: params stand before what uses them") && !told.contains("mean"), "{told}");
+    let lost = "mesh box [0] to [1] cells [1] segment\nunknown d : scalar global\nsteps t = 0 to 4 by 1\n\
+                term law on global : (exp(d) - 5 + sqr(t))*Test_d\n";
+    let told = errors(&run("lost", lost, "run", &[]));
+    assert!(told.contains("step t = 3") && !told.contains("E403"), "{told}");
+}
+
 /// What only a run can tell: an unknown that nothing holds, and an iteration that goes in a circle. The residual
 /// `1 + |d|` has no root; Newton steps from 1.3 to -1 to 1 and so on.
 #[test]

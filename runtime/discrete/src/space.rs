@@ -562,6 +562,15 @@ fn inside_facet(kind: CellKind, corners: &[NodeId], index: usize, along: usize) 
             let [x, y] = [from(first & 1 == 1, index % along), from(first & 2 == 2, index / along)];
             if corners[first ^ 1] < corners[first ^ 2] { x + y * along } else { y + x * along }
         }
+        CellKind::Triangle => {
+            // barycentric places in units of 1/degree, by corners in the order of their numbers
+            let degree = along + 1;
+            let places = || (1..degree).flat_map(|r| (1..degree.saturating_sub(r)).map(move |s| [s, r]));
+            let Some([s, r]) = places().nth(index) else { return index };
+            let mut parts = [(corners[0], degree - s - r), (corners[1], s), (corners[2], r)];
+            parts.sort_unstable_by_key(|(corner, _)| *corner);
+            places().position(|place| place == [parts[1].1, parts[2].1]).unwrap_or(index)
+        }
         _ => index,
     }
 }

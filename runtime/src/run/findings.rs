@@ -2,6 +2,8 @@
 //! that was found. [`CHECKS`] is the list of all that is looked at; a terminal, a report and a binding show what it finds.
 //! Each finding is made once, as a message with its place in the scene and what helps. Decides nothing about the steps.
 
+use std::collections::BTreeMap;
+
 use wfl::{Code, Diagnostic};
 use wfl_compiler::types::FieldKind;
 
@@ -82,17 +84,39 @@ pub(super) fn of_run(run: &Ended<'_>) -> Vec<Diagnostic> {
     out
 }
 
+/// By condition the largest displacement that it is in parts of, at any step.
+fn farthest(steps: &[StepResult]) -> BTreeMap<&str, f64> {
+    let mut found = BTreeMap::new();
+    for check in steps.iter().flat_map(|s| &s.checks) {
+        let far: &mut f64 = found.entry(check.name.as_str()).or_default();
+        *far = far.max(check.displacement.unwrap_or(0.0));
+    }
+    found
+}
+
+/// The conditions of a step as they are judged beside the others of its run.
+pub(super) fn judged_beside(step: &StepResult, steps: &[StepResult]) -> Vec<PhysicsCheck> {
+    let farthest = farthest(steps);
+    let judged = |check: &PhysicsCheck| {
+        let value = check.beside(farthest.get(check.name.as_str()).copied().unwrap_or(0.0));
+        PhysicsCheck { value, ..check.clone() }
+    };
+    step.checks.iter().map(judged).collect()
+}
+
 /// Of each condition the step at which it holds least, in the order of their first appearance.
-pub(super) fn worst_checks(steps: &[StepResult]) -> Vec<(f64, &PhysicsCheck)> {
+pub(super) fn worst_checks(steps: &[StepResult]) -> Vec<(f64, PhysicsCheck)> {
+    let farthest = farthest(steps);
+    let beside = |check: &PhysicsCheck| check.beside(farthest[check.name.as_str()]);
     let mut worst: Vec<(f64, &PhysicsCheck)> = Vec::new();
     for (time, check) in steps.iter().flat_map(|s| s.checks.iter().map(|c| (s.window.end, c))) {
         match worst.iter_mut().find(|w| w.1.name == check.name) {
-            Some(w) if w.1.value >= check.value => {}
+            Some(w) if beside(w.1) >= beside(check) => {}
             Some(w) => *w = (time, check),
             None => worst.push((time, check)),
         }
     }
-    worst
+    worst.into_iter().map(|(time, check)| (time, PhysicsCheck { value: beside(check), ..check.clone() })).collect()
 }
 
 /// W605.
@@ -117,11 +141,11 @@ fn displaced(steps: &[StepResult]) -> Option<Diagnostic> {
 /// W606 for each condition, at the step at which it holds least.
 fn broken_conditions(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
     let broken = worst_checks(steps).into_iter().filter(|(_, check)| !check.holds());
-    broken.map(|(time, check)| of_check(scene, time, check)).collect()
+    broken.map(|(time, check)| of_check(scene, time, &check)).collect()
 }
 
 fn of_check(scene: &Scene, time: f64, check: &PhysicsCheck) -> Diagnostic {
-    let PhysicsCheck { name, about, value, limit, detail } = check;
+    let PhysicsCheck { name, about, value, limit, detail, .. } = check;
     let text = format!("{name}: {value:.1e} at t = {time}, at most {limit:.0e} expected");
     let place = match about {
         About::Scene => None,

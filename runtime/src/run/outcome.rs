@@ -67,6 +67,13 @@ impl Outcome {
         out
     }
 
+    /// The conditions of mechanics at the end of a step of this run, as they are judged beside the other steps: what a body with
+    /// inertia overlaps is a part of the largest displacement of the run.
+    #[must_use]
+    pub fn conditions_of(&self, step: &StepResult) -> Vec<crate::checks::PhysicsCheck> {
+        findings::judged_beside(step, &self.steps)
+    }
+
     /// True if every step converged.
     #[must_use]
     pub fn converged(&self) -> bool {

@@ -47,7 +47,13 @@ fn offer(script: &ResolvedScript, d: &mut Diagnostic) {
     let (Some(name), Some(label)) = (&d.about, d.labels.first_mut()) else { return };
     let Some(near) = nearest(name, declared(script).map(|n| n.0.name.as_str())) else { return };
     let Some((ident, kind)) = declared(script).find(|n| n.0.name == near) else { return };
-    label.text = format!("did you mean `{near}`, {kind} on {}?", line_of(ident.span));
+    let line = line_of(ident.span);
+    if near == name {
+        let why = if kind == "param" { "params stand before what uses them" } else { "no formula here can use it" };
+        label.text = format!("{kind} on {line}: {why}");
+        return;
+    }
+    label.text = format!("did you mean `{near}`, {kind} on {line}?");
     let title = None;
     d.fixes = d.word.map(|span| Fix::Replace { span, text: near.to_owned(), title }).into_iter().collect();
 }

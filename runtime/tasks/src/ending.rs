@@ -317,7 +317,7 @@ fn quality(outcome: &Outcome) -> String {
     if let Some(why) = outcome.friction_untested {
         text += &format!("  energy dissipated by friction: not tested: {why}\n");
     }
-    for check in &step.checks {
+    for check in outcome.conditions_of(step) {
         if check.why_untested().is_some() {
             text += &format!("  {}: {}\n", check.name, check.detail);
             continue;
@@ -333,7 +333,7 @@ fn quality(outcome: &Outcome) -> String {
 #[must_use]
 pub fn stopped(loaded: &Loaded, scene: &Scene, error: &RunError) -> Said {
     match error {
-        RunError::Newton { time, error: inner, .. } => newton_stopped(loaded, scene, *time, inner),
+        RunError::Newton { step, time, error: inner } => newton_stopped(loaded, scene, (*step, *time), inner),
         RunError::Start(bad) => Said::Message(bad.diagnostic(&loaded.script.expansions, None)),
         RunError::State { .. } => Said::Message(Diagnostic::new(Code::E612, error.to_string())),
         RunError::NoEquations | RunError::NotOfThisScene | RunError::Begun => Said::Text(format!("error: {error}\n")),
@@ -342,7 +342,9 @@ pub fn stopped(loaded: &Loaded, scene: &Scene, error: &RunError) -> Said {
     }
 }
 
-fn newton_stopped(loaded: &Loaded, scene: &Scene, time: f64, inner: &NewtonError) -> Said {
+/// `at` is the number of the step from 0, and its time.
+fn newton_stopped(loaded: &Loaded, scene: &Scene, at: (usize, f64), inner: &NewtonError) -> Said {
+    let (step, time) = at;
     match inner {
         NewtonError::Term(TermError::NonFinite(place)) => Said::Message(non_finite(loaded, place, time)),
         NewtonError::Term(TermError::State(bad)) => Said::Message(unbounded(loaded, bad, time)),
@@ -371,8 +373,9 @@ fn newton_stopped(loaded: &Loaded, scene: &Scene, time: f64, inner: &NewtonError
         }
         NewtonError::Singular { why, error } => {
             let mode = if let SolveError::Singular { mode, .. } = error { mode.dofs_above(0.1) } else { Vec::new() };
-            let inactive = why.what.starts_with("the equation of");
-            let told = held_by_nothing(loaded, scene, &mode).filter(|_| inactive);
+            // in later steps something has held it so far
+            let from_the_start = step == 0 && why.what.starts_with("the equation of");
+            let told = held_by_nothing(loaded, scene, &mode).filter(|_| from_the_start);
             Said::Message(told.unwrap_or_else(|| undetermined(loaded, why, time)))
         }
         NewtonError::TooMuchMemory(need) => Said::Message(too_much_memory(need)),

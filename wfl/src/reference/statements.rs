@@ -109,7 +109,7 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "unknown",
         usage: "`unknown u : scalar/vector/matrix(m,n) [element] [on r]`",
-        meaning: "a field to be solved for; elements `P1 P2 P3 Q1 Q2`, `DP0 DP1 DQ1 ...` (discontinuous); with wedges, \
+        meaning: "a field to be solved for; elements `P1` to `P4`, `Q1` to `Q4`, `DP0 DP1 DQ1 ...` (discontinuous); with wedges, \
                   pyramids or cells of several kinds `P1` and `Q1` are the same; `global` \
                   for a single number",
         default: "degree 1, on all",

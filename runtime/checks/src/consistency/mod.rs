@@ -90,6 +90,14 @@ pub enum Mistake {
     Direction(&'static str),
 }
 
+impl Mistake {
+    /// Whether forces along the traction are those that the bodies have: what is left lies along the face.
+    fn carries_pressure(&self) -> bool {
+        let is_whole = |part: f64| (part - 1.0).abs() <= MISTAKE;
+        matches!(self, Mistake::Balance { carried: [Some(here), there], .. } if is_whole(*here) && there.is_none_or(is_whole))
+    }
+}
+
 /// What the terms of an interface amount to.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
@@ -342,7 +350,15 @@ impl Judge<'_, '_> {
             (None, Some((gap, _)), Open::Grows(_)) if gap < 0.0 => {
                 Ok(Verdict::Wrong(Mistake::Direction("no force resists penetration, and forces grow with an open gap")))
             }
-            (None, _, Open::Nothing) => Ok(Verdict::Wrong(self.unheld(sizes, closed).ok_or(NOT_FINITE)?)),
+            (None, _, Open::Nothing) => {
+                let mistake = self.unheld(sizes, closed).ok_or(NOT_FINITE)?;
+                if mistake.carries_pressure() && place.radius(&closed.state).1 > 0 {
+                    return Err(Unjudged(
+                        "the pressure is that of the overlap, and friction acts beside it on faces at rest",
+                    ));
+                }
+                Ok(Verdict::Wrong(mistake))
+            }
             _ => Err(ACROSS),
         }
     }

@@ -4,11 +4,11 @@ use wfl_mesh::mesh::{
 };
 
 const SHAPES: [(usize, BoxShape, usize); 5] = [
-    (1, BoxShape::Segment, 3),
-    (2, BoxShape::Triangle, 3),
-    (2, BoxShape::Quadrilateral, 3),
-    (3, BoxShape::Tetrahedron, 3),
-    (3, BoxShape::Hexahedron, 3),
+    (1, BoxShape::Segment, 4),
+    (2, BoxShape::Triangle, 4),
+    (2, BoxShape::Quadrilateral, 4),
+    (3, BoxShape::Tetrahedron, 4),
+    (3, BoxShape::Hexahedron, 4),
 ];
 
 fn unit(dim: usize, shape: BoxShape, n: usize) -> (Mesh, Topology) {
@@ -63,7 +63,7 @@ fn shared_nodes_have_one_place_for_all_cells() {
     let boxes = SHAPES.map(|(dim, shape, highest)| (format!("{shape:?}"), highest, unit(dim, shape, 3).0));
     // wedges alone, and all kinds of solid cells
     let files: [(&[u8], usize); 2] = [
-        (include_bytes!("../../../mesh/src/mesh/read/data/wedges_22a.msh"), 3),
+        (include_bytes!("../../../mesh/src/mesh/read/data/wedges_22a.msh"), 4),
         (include_bytes!("../../../mesh/src/mesh/read/data/solids_41a.msh"), 2),
     ];
     let files = files.map(|(bytes, highest)| {

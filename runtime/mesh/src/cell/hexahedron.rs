@@ -27,7 +27,7 @@ pub(super) static SHAPE: Shape = Shape {
     vertex_weights: None,
     basis: Basis::Tensor,
     polynomials: Polynomials::Each,
-    highest_degree: 3,
+    highest_degree: 4,
     straight_is_affine: false,
     subdivision: Some(Subdivision::Layers),
     hats: tensor_hats::<3>,

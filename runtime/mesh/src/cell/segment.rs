@@ -22,7 +22,7 @@ pub(super) static SHAPE: Shape = Shape {
     vertex_weights: None,
     basis: Basis::Simplex,
     polynomials: Polynomials::Total,
-    highest_degree: 3,
+    highest_degree: 4,
     straight_is_affine: true,
     subdivision: Some(Subdivision::Bisection),
     hats: simplex_hats::<1>,

@@ -36,7 +36,7 @@ pub(super) static SHAPE: Shape = Shape {
     vertex_weights: None,
     basis: Basis::Wedge,
     polynomials: Polynomials::Both,
-    highest_degree: 3,
+    highest_degree: 4,
     straight_is_affine: false,
     subdivision: None,
     hats: |[x, y, z]| {

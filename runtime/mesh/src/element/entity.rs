@@ -3,7 +3,7 @@
 use super::DofEntity;
 use crate::cell::CellKind;
 
-/// Points that differ by less are the same: those of a lattice are thirds and halves.
+/// Points that differ by less are the same: those of a lattice are at least a quarter apart.
 const SAME: f64 = 1e-9;
 
 /// The entities of the dofs at `points` of a cell, in their order.

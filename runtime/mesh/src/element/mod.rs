@@ -1,10 +1,10 @@
 //! Lagrange elements on the reference cells: local dofs, where they sit, and their basis tables.
 //!
-//! Promises: `P_0` to `P_3` on point, segment, triangle and tetrahedron, `Q_0` to `Q_3` on
+//! Promises: `P_0` to `P_4` on point, segment, triangle and tetrahedron, `Q_0` to `Q_4` on
 //! quadrilateral and hexahedron, products of `P_k` on wedges, `P_k` and `Q_k` on the faces of pyramids up to degree 2, every
 //! one nodal at [`Element::points`].
 //! Local order. Simplices: vertices, then the dofs of each edge from its first to its second local
-//! vertex, then one dof of each facet of a tetrahedron (degree 3), then the interior. Tensor cells and pyramids:
+//! vertex, then those of each facet of a tetrahedron (degree 3 and more), then the interior. Tensor cells and pyramids:
 //! lexicographic, x fastest. Wedges: the nodes of a triangle at each z in turn. [`Element::entities`] says for each dof
 //! which entity carries it.
 //! Does not know meshes, global numbers or physical coordinates.
@@ -22,7 +22,7 @@ pub use table::{DofEntity, Table};
 use table::Lattice;
 
 /// Highest degree on any cell; [`CellKind::highest_degree`] has that of each.
-pub const MAX_DEGREE: usize = 3;
+pub const MAX_DEGREE: usize = 4;
 
 /// Whether neighbouring cells share the dofs on their common entities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

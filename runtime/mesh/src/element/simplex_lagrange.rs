@@ -7,9 +7,9 @@
 use super::table::{DofEntity, Jet, Lattice, Table, product};
 use crate::cell::CellKind;
 
-/// Barycentric places (units of `1 / degree`) and entities of the dofs, `degree` from 1 to 3.
+/// Barycentric places (units of `1 / degree`) and entities of the dofs, `degree` from 1 to 4.
 pub(super) fn dofs(kind: CellKind, degree: usize) -> (Vec<[u8; 4]>, Vec<DofEntity>) {
-    let k = u8::try_from(degree).expect("degrees are at most 3");
+    let k = u8::try_from(degree).expect("degrees are at most 4");
     let mut places = Vec::new();
     let mut entities = Vec::new();
     let place = |parts: &[(usize, u8)]| {
@@ -34,19 +34,36 @@ pub(super) fn dofs(kind: CellKind, degree: usize) -> (Vec<[u8; 4]>, Vec<DofEntit
             });
         }
     }
-    if degree == 3 {
-        if kind == CellKind::Triangle {
-            places.push([1, 1, 1, 0]);
-            entities.push(DofEntity::Interior(0));
-        } else if kind == CellKind::Tetrahedron {
-            for (facet, local) in kind.facets().iter().enumerate() {
-                let v = local.vertices;
-                places.push(place(&[(v[0], 1), (v[1], 1), (v[2], 1)]));
-                entities.push(DofEntity::Facet { facet, index: 0 });
+    let inside: Vec<[u8; 2]> = inside_triangle(k).collect();
+    match kind {
+        CellKind::Triangle => {
+            for (index, [s, r]) in inside.into_iter().enumerate() {
+                places.push([k - s - r, s, r, 0]);
+                entities.push(DofEntity::Interior(index));
             }
         }
+        CellKind::Tetrahedron => {
+            for (facet, local) in kind.facets().iter().enumerate() {
+                let v = local.vertices;
+                for (index, [s, r]) in inside.iter().enumerate() {
+                    places.push(place(&[(v[0], k - s - r), (v[1], *s), (v[2], *r)]));
+                    entities.push(DofEntity::Facet { facet, index });
+                }
+            }
+            let layers = (1..k).flat_map(|t| inside_triangle(k - t).map(move |[s, r]| [k - t - s - r, s, r, t]));
+            for (index, place) in layers.enumerate() {
+                places.push(place);
+                entities.push(DofEntity::Interior(index));
+            }
+        }
+        _ => {}
     }
     (places, entities)
+}
+
+/// The places inside a triangle along its own parameters, the first one fastest, in units of `1 / k`.
+fn inside_triangle(k: u8) -> impl Iterator<Item = [u8; 2]> {
+    (1..k).flat_map(move |r| (1..k.saturating_sub(r)).map(move |s| [s, r]))
 }
 
 /// `N_m` at `l` with two derivatives.

@@ -10,17 +10,17 @@ use super::{
 };
 use crate::cell::CellKind;
 
-/// Places (units of `1 / degree`) and entities of the dofs, `degree` from 1 to 3.
+/// Places (units of `1 / degree`) and entities of the dofs, `degree` from 1 to 4.
 pub(super) fn dofs(kind: CellKind, degree: usize) -> (Vec<[u8; 4]>, Vec<DofEntity>) {
     let (dim, n) = (kind.dim(), degree + 1);
-    let k = u8::try_from(degree).expect("degrees are at most 3");
+    let k = u8::try_from(degree).expect("degrees are at most 4");
     let mut places = Vec::new();
     let mut entities = Vec::new();
     for position in 0..n.pow(dim as u32) {
         let mut place = [0; 4];
         let mut rest = position;
         for part in place.iter_mut().take(dim) {
-            *part = u8::try_from(rest % n).expect("below 4");
+            *part = u8::try_from(rest % n).expect("at most 4");
             rest /= n;
         }
         places.push(place);

@@ -157,9 +157,11 @@ fn entities_agree_with_the_points() {
                     std::array::from_fn(|d| a[d] + t * (b[d] - a[d]))
                 }
                 DofEntity::Facet { facet, index } => {
-                    let inside = element.degree() - 1;
-                    let part = |k: usize| (k + 1) as f64 / element.degree() as f64;
-                    kind.facet_map(facet).apply([part(index % inside), part(index / inside), 0.0])
+                    let (degree, of) = (element.degree(), kind.facets()[facet].kind);
+                    let places = (1..degree).flat_map(|r| (1..degree).map(move |s| [s, r]));
+                    let mut inside = places.filter(|[s, r]| of == CellKind::Quadrilateral || s + r < degree);
+                    let [s, r] = inside.nth(index).expect("a place inside the facet").map(|k| k as f64 / degree as f64);
+                    kind.facet_map(facet).apply([s, r, 0.0])
                 }
                 DofEntity::Interior(_) => {
                     let hats = kind.hat_values(*point);
@@ -174,6 +176,6 @@ fn entities_agree_with_the_points() {
 
 #[test]
 fn too_high_a_degree_is_an_error() {
-    let error = Element::lagrange(CellKind::Hexahedron, 4, Family::Continuous).unwrap_err();
-    assert_eq!(error.to_string(), "no Lagrange element of degree 4 on a hexahedron, the highest is 3");
+    let error = Element::lagrange(CellKind::Hexahedron, 5, Family::Continuous).unwrap_err();
+    assert_eq!(error.to_string(), "no Lagrange element of degree 5 on a hexahedron, the highest is 4");
 }

@@ -59,7 +59,8 @@ pub(super) fn step(w: &mut Writer, s: &StepResult) {
         };
         w.count(kind);
         w.text(of);
-        w.numbers(&[c.value, c.limit]);
+        let numbers: Vec<f64> = [c.value, c.limit].into_iter().chain(c.displacement).collect();
+        w.numbers(&numbers);
         w.text(&c.detail);
     }
     w.count(s.turned.len());
@@ -126,8 +127,12 @@ pub(super) fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
             (2, name) => About::Term(name),
             _ => return Err(Unreadable),
         };
-        let [value, limit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
-        Ok(PhysicsCheck { name, about, value, limit, detail: r.text()? })
+        let (value, limit, displacement) = match *r.numbers()?.as_slice() {
+            [value, limit] => (value, limit, None),
+            [value, limit, displacement] => (value, limit, Some(displacement)),
+            _ => return Err(Unreadable),
+        };
+        Ok(PhysicsCheck { name, about, value, limit, detail: r.text()?, displacement })
     })?;
     step.turned = r.list(|r| {
         let (term, field, n_cells, of) = (r.text()?, r.text()?, r.count()?, r.count()?);
