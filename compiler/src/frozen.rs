@@ -13,6 +13,8 @@
 //! fills in (`runtime/contact`). A converged state solves the term as written: only the path to it changes.
 
 mod half_lines;
+
+pub(crate) use half_lines::active_code;
 mod parameters;
 mod slopes;
 

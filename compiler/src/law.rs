@@ -50,6 +50,9 @@ pub enum KinkKind {
 pub struct Kink {
     /// Which table of codes.
     pub kind: KinkKind,
+    /// The code on which a selection that is a multiple of a positive part is no zero: 1 for `pos_part(x)`, 0 for `max(0, x)`, which
+    /// selects its zero. `None` for other selections and for balls.
+    pub active: Option<u8>,
     /// Where it was written.
     pub origin: Option<Origin>,
 }

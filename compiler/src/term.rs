@@ -394,12 +394,16 @@ fn kinks(g: &Graph, residual: Option<ExprId>, lowering: &mut Lowering<'_>) -> (V
                 for m in lowering.mask(mask) {
                     let [one, zero] = [1.0, 0.0].map(|c| lowering.scalars.constant(c));
                     codes.push(lowering.scalars.select(m, one, zero));
-                    kinks.push(Kink { kind: KinkKind::Select, origin: g.origin(mask) });
+                    kinks.push(Kink {
+                        kind: KinkKind::Select,
+                        active: crate::frozen::active_code(g, e),
+                        origin: g.origin(mask),
+                    });
                 }
             }
             Node::Ball(v, r) if g.depends(v).unknown || g.depends(r).unknown => {
                 codes.push(lowering.ball_code(v, r));
-                kinks.push(Kink { kind: KinkKind::Ball, origin: g.origin(e) });
+                kinks.push(Kink { kind: KinkKind::Ball, active: None, origin: g.origin(e) });
             }
             _ => {}
         }

@@ -34,6 +34,15 @@ pub(super) fn rewritten(from: &Graph, root: ExprId, fields: &[FieldSig]) -> Opti
     Some((g, *copied.get(order.last()?)?))
 }
 
+/// The code of the mask of a selection on which it is a multiple of the positive part of its argument that is not zero; `None` for other
+/// selections.
+pub(crate) fn active_code(g: &Graph, e: ExprId) -> Option<u8> {
+    let Node::Select(mask, a, b) = *g.node(e) else { return None };
+    let Node::Compare(_, zero, x) = *g.node(mask) else { return None };
+    let is_written = a == x && g.is_zero(b) && g.is_zero(zero);
+    (is_written || Multiple::of(g, e).is_some()).then(|| u8::from(g.is_zero(b)))
+}
+
 /// A factor of a value.
 #[derive(Clone, Copy)]
 enum Factor {

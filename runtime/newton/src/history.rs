@@ -89,6 +89,12 @@ impl StepHistory {
         matches!(self.stop, Some(Stop::Tolerance | Stop::Floor | Stop::Given | Stop::Rest))
     }
 
+    /// What rounding has hidden of the equations where the iteration ended: the relative residual.
+    #[must_use]
+    pub fn hidden(&self) -> Option<f64> {
+        self.iterations.last().filter(|_| self.stop == Some(Stop::Floor)).map(|last| last.residual)
+    }
+
     /// Iterations of the attempt that this history is of; what a step took is listed with its attempts.
     #[must_use]
     pub fn n_iterations(&self) -> usize {

@@ -20,6 +20,13 @@ use wfl_sparse::solve::SolveError;
 const OF_THE_NEXT: f64 = 0.1;
 const OF_THE_TOLERANCE: f64 = 1e-3;
 
+/// Part of the forces that rounding may hide without a doubt: three digits are what a result is told without. What hides more is often
+/// the slope of a law where the iteration stands, and none where it is going.
+const HIDDEN: f64 = 1e-3;
+/// How many iterations go on from states that hide more: as many as a line search takes to leave a slope that is a million
+/// times too steep.
+const DOUBTS: usize = 20;
+
 /// Where an attempt is.
 struct Attempt<'u> {
     u: &'u mut [f64],
@@ -38,6 +45,8 @@ struct Attempt<'u> {
     history: StepHistory,
     /// Why the first tangent was singular where contact was open at some points, and contact as it was.
     not_held: Option<(NewtonError, Contact)>,
+    /// Iterations that went on from a state whose residual counts as rounding and is large.
+    doubts: usize,
 }
 
 /// Solves a step from `u`, or from `predicted` where that is better.
@@ -58,7 +67,7 @@ pub(super) fn iterate(
     let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
     let (path, direction) = (None, Vec::new());
     let mut attempt =
-        Attempt { u, start, before, here, norm, schedule, path, best, direction, history, not_held: None };
+        Attempt { u, start, before, here, norm, schedule, path, best, direction, history, not_held: None, doubts: 0 };
     attempt.run(step)?;
     Ok(attempt.history)
 }
@@ -120,6 +129,7 @@ impl Attempt<'_> {
                 Err(error) => left = self.leave(step, error, number)?,
             }
         }
+        self.doubts = DOUBTS;
         let stop = self.confirmed(step)?;
         if stop.is_none()
             && let Some(error) = self.found_loose(step)?
@@ -130,15 +140,31 @@ impl Attempt<'_> {
         Ok(())
     }
 
-    /// Why the iteration stops here, if it does. A floor is that of the tangent at this state: the one before may have
-    /// been at a state far away, with a floor above every residual.
+    /// Why the iteration stops here, if it does. A floor is that of the tangent at this state and of the laws as they are written:
+    /// the tangent before may have been at a state far away, with a floor above every residual, and a branch that is held
+    /// at a point that has left it has a slope of its own. Where the floor hides much of the forces the iteration goes on, as
+    /// long as it has doubts left: at last the best state is what there is.
     fn confirmed(&mut self, step: &mut LoadStep<'_>) -> Evaluated<Option<Stop>> {
         let stop = self.stops(step);
         if stop != Some(Stop::Floor) {
             return Ok(stop);
         }
-        step.assemble_tangent(self.u, self.norm.frozen)?;
+        step.assemble_tangent(self.u, false)?;
         self.here = step.measure(self.u, &self.norm)?;
+        let stop = self.stops(step);
+        let hides_much = stop == Some(Stop::Floor) && self.here.relative > HIDDEN && !step.system.is_linear();
+        if !hides_much {
+            return Ok(stop);
+        }
+        if self.doubts < DOUBTS {
+            self.doubts += 1;
+            return Ok(None);
+        }
+        if self.best.0 < self.here.relative {
+            self.u.copy_from_slice(&self.best.1);
+            step.assemble_tangent(self.u, false)?;
+            self.here = step.measure(self.u, &self.norm)?;
+        }
         Ok(self.stops(step))
     }
 
@@ -191,6 +217,10 @@ impl Attempt<'_> {
             self.switch(step)?;
         }
         step.assemble_tangent(self.u, self.norm.frozen)?;
+        if self.doubts > 0 {
+            // a correction along a slope beside which the bodies are rounding moves nothing; without one there is nothing to make flatter
+            let _ = step.system.soften(step.tangent);
+        }
         self.norm.weights = step.weights();
         step.equation_weights(&self.here, &mut self.norm);
         self.here.norm = step.weighted_norm(&self.here.residual, &self.norm);

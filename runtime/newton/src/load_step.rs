@@ -444,23 +444,23 @@ pub(super) struct Done {
 
 /// Contact counts of the terms with kinks that push (the first of each region) and the fingerprint of all branches.
 fn branches(system: &System, contact: &Contact, here: &Residual) -> (Option<[usize; 3]>, u64) {
-    let mut total: Option<[usize; 3]> = None;
     let mut fingerprint = 0;
-    let mut seen: Vec<*const wfl_discrete::assemble::Domain> = Vec::new();
+    // of the terms of a region one: that with friction, which is in contact where the others are
+    let mut found: Vec<(*const wfl_discrete::assemble::Domain, bool, [usize; 3])> = Vec::new();
     for (k, (term, branches)) in system.terms.iter().zip(&here.branches).enumerate() {
-        fingerprint ^= branches.fingerprint.rotate_left(u32::try_from(seen.len() % 64).expect("below 64"));
+        fingerprint ^= branches.fingerprint.rotate_left(u32::try_from(found.len() % 64).expect("below 64"));
         let domain = std::sync::Arc::as_ptr(&term.integrator.domain);
         if let Some(counts) = term.contact_counts(branches)
-            && !seen.contains(&domain)
             && contact.pushes(system, k)
         {
-            seen.push(domain);
-            let sum = total.get_or_insert([0; 3]);
-            for (s, c) in sum.iter_mut().zip(counts) {
-                *s += c;
+            match found.iter_mut().find(|(seen, ..)| *seen == domain) {
+                None => found.push((domain, term.has_friction(), counts)),
+                Some(known) if term.has_friction() && !known.1 => *known = (domain, true, counts),
+                Some(_) => {}
             }
         }
     }
+    let total = found.iter().map(|(.., counts)| *counts).reduce(|[a, b, c], [x, y, z]| [a + x, b + y, c + z]);
     (total, fingerprint)
 }
 

@@ -133,6 +133,14 @@ impl Run {
             // ranks exchange numbers in one order
             (digits(), checks::conditions(state, left))
         };
+        let accuracy = match history.hidden() {
+            Some(left) if accuracy.as_ref().is_none_or(|a| a.error < left) => {
+                let of_unknown = || system.fields.iter().find(|f| f.kind == FieldKind::Unknown).map(|f| f.name.clone());
+                let field = accuracy.map(|a| a.field).or_else(of_unknown);
+                field.map(|field| Accuracy { error: left, field })
+            }
+            _ => accuracy,
+        };
         let mut found = checks::balance(state, scene.newton.tolerance, due.then_some(&self.turning));
         found.extend(conditions.checks);
         let (narrow, zigzags) = (conditions.narrow, conditions.zigzags);
