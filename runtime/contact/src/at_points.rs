@@ -3,9 +3,9 @@
 //! Promises: points in the order of groups, entities and points of the rule; numbers of the law as it is written. A point
 //! can be asked again with other numbers: without tractions, or with another past. Does not judge.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector, RowDVector};
 use wfl_compiler::{
-    interpret_lanes,
+    Projection, ProjectionKind, interpret_lanes,
     ir::LANES,
     types::{BasisSlot, InputSlot, Side},
 };
@@ -23,6 +23,9 @@ use super::{
 /// Singular values below this part of the largest slope are zero: slopes are differences or products of a few numbers,
 /// known to some hundred roundoffs.
 const NO_SLOPE: f64 = 1e-9;
+
+/// What a displacement may miss of the part of an argument that it is to give: slopes are known to half of the digits.
+const MISSED: f64 = 1e-7;
 
 /// A point at one state.
 pub(super) struct Point {
@@ -107,18 +110,58 @@ impl ContactTerm {
         let moves = |slot: &InputSlot| matches!(slot, InputSlot::Field(b) if is_displacement(&system.fields, b));
         let at: Vec<usize> = (0..slots.len()).filter(|s| moves(&slots[*s])).collect();
         let values = self.slopes.at_point(inputs);
-        let mut slope = DMatrix::zeros(n, at.len());
-        for (value, s) in self.slopes.of_projection(projection) {
-            if let Some(column) = at.iter().position(|k| slots[*k] == InputSlot::Field(s.slot)) {
-                slope[(s.entry, column)] = values[value];
-            }
-        }
+        let slope = self.slope_in(projection, n, &at, &values);
         let scale = if slope.is_empty() { 0.0 } else { slope.amax() };
         if scale == 0.0 || !slope.iter().all(|x| x.is_finite()) {
             return None;
         }
         let inverse = slope.clone().pseudo_inverse(NO_SLOPE * scale).ok()?;
         Some(Motions { inputs: at, slope, inverse })
+    }
+
+    /// The slope of the argument of a projection in some inputs of the law, from the values of all slopes at a point: a row by
+    /// entry, a column by input.
+    fn slope_in(&self, projection: usize, n: usize, inputs: &[usize], values: &[f64]) -> DMatrix<f64> {
+        let slots = &self.law.law.inputs;
+        let mut slope = DMatrix::zeros(n, inputs.len());
+        for (value, s) in self.slopes.of_projection(projection) {
+            if let Some(column) = inputs.iter().position(|k| slots[*k] == InputSlot::Field(s.slot)) {
+                slope[(s.entry, column)] = values[value];
+            }
+        }
+        slope
+    }
+
+    /// The smallest displacement that gives a part of the argument of a ball, leaves the gaps of the half lines that act, and
+    /// moves nothing but what `counts`; by input of `motions`. Where there is none, gaps move, too, and then all.
+    pub(super) fn way(&self, motions: &Motions, point: &Point, part: &[f64], counts: &[bool]) -> DVector<f64> {
+        let part = DVector::from_column_slice(part);
+        let mut own = motions.slope.clone();
+        (0..counts.len()).filter(|k| !counts[*k]).for_each(|k| own.column_mut(k).fill(0.0));
+        let values = self.slopes.at_point(&point.inputs);
+        let is_gap = |p: &Projection| p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts;
+        let gaps = self.projections.iter().enumerate().filter(|(_, p)| is_gap(p));
+        let mut rows: Vec<RowDVector<f64>> = own.row_iter().map(|row| row.clone_owned()).collect();
+        let scale = own.amax();
+        for (k, _) in gaps {
+            let row = self.slope_in(k, 1, &motions.inputs, &values).row(0).clone_owned();
+            // all rows in one size: what is small beside the others counts as none
+            rows.extend(
+                Some(row.amax()).filter(|size| *size > 0.0 && size.is_finite()).map(|size| row * (scale / size)),
+            );
+        }
+        let with_gaps = DMatrix::from_rows(&rows);
+        for slopes in [with_gaps, own] {
+            let mut wanted = DVector::zeros(slopes.nrows());
+            wanted.rows_mut(0, part.len()).copy_from(&part);
+            let Ok(inverse) = slopes.pseudo_inverse(NO_SLOPE * scale) else { continue };
+            let mut way = inverse * wanted;
+            (0..counts.len()).filter(|k| !counts[*k]).for_each(|k| way[k] = 0.0);
+            if (&motions.slope * &way - &part).norm() <= MISSED * part.norm() {
+                return way;
+            }
+        }
+        &motions.inverse * part
     }
 
     /// The smallest displacement of the near side that gives a part `x0` of the argument of a projection; of the far

@@ -228,11 +228,10 @@ impl<'a> Pass<'a> {
     fn slips(&self, before: &[f64]) -> Vec<Vec<f64>> {
         let n = self.ball.n;
         if self.way.is_some() || self.takes_increments() {
-            // a law without a traction of its own has no elastic part: it retains nothing
-            let retains = self
-                .points
-                .iter()
-                .any(|p| self.slip_of(&p.inputs, self.term.law.uniforms()) != self.argument(&p.outputs));
+            // a law without a traction of its own, and without a memory of one, has no elastic part: it retains nothing
+            let has_traction =
+                |p: &Point| self.slip_of(&p.inputs, self.term.law.uniforms()) != self.argument(&p.outputs);
+            let retains = self.points.iter().any(has_traction) || self.remembers();
             let of = |k: usize| {
                 let x = self.argument(&self.points[k].outputs);
                 if retains { beyond(x, self.radius(k)) } else { x.to_vec() }
@@ -247,6 +246,15 @@ impl<'a> Pass<'a> {
             slid
         };
         (0..self.points.len()).map(of).collect()
+    }
+
+    /// Whether the argument is there at rest: a traction that is remembered, or the slip that it is elastic in.
+    fn remembers(&self) -> bool {
+        let size =
+            |points: &[Point]| points.iter().flat_map(|p| self.argument(&p.outputs)).map(|x| x.abs()).sum::<f64>();
+        let mut sums = [self.rest.as_ref().map_or(0.0, |rest| size(&rest.points)), size(&self.points)];
+        self.system.team().sum(&mut sums);
+        sums[0] > NOTHING * sums[1]
     }
 
     /// What the law calls slip at rest, point after point: what the next step begins with.
@@ -302,7 +310,8 @@ impl<'a> Pass<'a> {
                 return;
             }
             let Some(motions) = self.motions(point) else { return };
-            let along = self.way.unwrap_or(1.0) * &motions.inverse * DVector::from_column_slice(slid);
+            let tested: Vec<bool> = motions.inputs.iter().map(|s| test_of(s).is_some()).collect();
+            let along = self.way.unwrap_or(1.0) * self.term.way(&motions, point, slid, &tested);
             let beside = |test: usize| open.get(at - 1).map_or(0.0, |open: &Vec<f64>| open[test]);
             let force = motions.inputs.iter().map(|s| test_of(s).map_or(0.0, |test| flux[test] - beside(test)));
             let (mut power, mut forces) = (0.0, 0.0f64);

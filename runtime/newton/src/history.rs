@@ -74,6 +74,8 @@ pub struct StepHistory {
     pub refined: usize,
     /// See [`Self::refined`].
     pub correction: Option<f64>,
+    /// The part of the forces that rounding has hidden where the iteration ended; 0 where it ended otherwise.
+    pub hidden: f64,
 }
 
 impl StepHistory {
@@ -87,12 +89,6 @@ impl StepHistory {
     #[must_use]
     pub fn converged(&self) -> bool {
         matches!(self.stop, Some(Stop::Tolerance | Stop::Floor | Stop::Given | Stop::Rest))
-    }
-
-    /// What rounding has hidden of the equations where the iteration ended: the relative residual.
-    #[must_use]
-    pub fn hidden(&self) -> Option<f64> {
-        self.iterations.last().filter(|_| self.stop == Some(Stop::Floor)).map(|last| last.residual)
     }
 
     /// Iterations of the attempt that this history is of; what a step took is listed with its attempts.

@@ -137,6 +137,7 @@ impl Attempt<'_> {
             return Err(error);
         }
         self.history.stop = Some(stop.unwrap_or(Stop::MaxIterations));
+        self.history.hidden = if stop == Some(Stop::Floor) { self.here.of_forces } else { 0.0 };
         Ok(())
     }
 
@@ -152,7 +153,7 @@ impl Attempt<'_> {
         step.assemble_tangent(self.u, false)?;
         self.here = step.measure(self.u, &self.norm)?;
         let stop = self.stops(step);
-        let hides_much = stop == Some(Stop::Floor) && self.here.relative > HIDDEN && !step.system.is_linear();
+        let hides_much = stop == Some(Stop::Floor) && self.here.of_forces > HIDDEN && !step.system.is_linear();
         if !hides_much {
             return Ok(stop);
         }
@@ -203,6 +204,8 @@ impl Attempt<'_> {
         if stop == Stop::Floor && step.options.search && refinement::helps(step, self.u, &self.here) {
             refinement::refine(step, self.u, &self.norm, &mut self.history)?;
         } else {
+            // what refinement goes on from is no measure of what it reaches
+            self.history.hidden = if stop == Stop::Floor { self.here.of_forces } else { 0.0 };
             step.reached = Some(std::mem::take(&mut self.here.written));
         }
         Ok(())

@@ -109,6 +109,8 @@ pub(super) struct Measured {
     pub(super) summands: Vec<f64>,
     /// Largest over the fields of residual over scale, always of the scene as written.
     pub(super) relative: f64,
+    /// The same of forces alone.
+    pub(super) of_forces: f64,
     /// What rounding leaves of it.
     pub(super) floor: f64,
     /// The residual of every kind of field is as small as rounding or the tolerance allows in fields of that kind.
@@ -191,14 +193,27 @@ impl LoadStep<'_> {
                 bounded = all.are_settled(is_multiplier, self.options.tolerance);
             }
         }
-        let (relative, floor, no_force) = (all.relative(), all.floor(), scales.no_force);
+        let (relative, of_forces, floor) = (all.relative(), all.relative_of_forces(), all.floor());
+        let no_force = scales.no_force;
         let residual = if norm.frozen {
             system.frozen_residual(&written, u, self.contact.active_set())?
         } else {
             written.values.clone()
         };
         let norm = self.weighted_norm(&residual, norm);
-        Ok(Measured { residual, written, summands, relative, floor, settled, bounded, no_force, norm, rounding })
+        Ok(Measured {
+            residual,
+            written,
+            summands,
+            relative,
+            of_forces,
+            floor,
+            settled,
+            bounded,
+            no_force,
+            norm,
+            rounding,
+        })
     }
 
     /// The 2-norm over the free dofs, each times the weight of its field or of its equation. Where squares leave the range of

@@ -80,6 +80,11 @@ impl BodyMeasures {
         self.bodies.iter().fold(0.0, |m, f| m.max(f.relative))
     }
 
+    /// The same of forces alone: an equation of a rate in a short step is rounding without a meaning for the state.
+    pub(crate) fn relative_of_forces(&self) -> f64 {
+        self.bodies.iter().filter(|f| !f.single).fold(0.0, |m, f| m.max(f.relative))
+    }
+
     /// The largest floor.
     pub(crate) fn floor(&self) -> f64 {
         self.bodies.iter().fold(0.0, |m, f| m.max(f.floor))

@@ -133,8 +133,8 @@ impl Run {
             // ranks exchange numbers in one order
             (digits(), checks::conditions(state, left))
         };
-        let accuracy = match history.hidden() {
-            Some(left) if accuracy.as_ref().is_none_or(|a| a.error < left) => {
+        let accuracy = match history.hidden {
+            left if left > accuracy.as_ref().map_or(0.0, |a| a.error) => {
                 let of_unknown = || system.fields.iter().find(|f| f.kind == FieldKind::Unknown).map(|f| f.name.clone());
                 let field = accuracy.map(|a| a.field).or_else(of_unknown);
                 field.map(|field| Accuracy { error: left, field })

@@ -11,6 +11,7 @@ fn measured(relative: f64, settled: bool, no_force: bool) -> Measured {
         written: Residual::default(),
         summands: Vec::new(),
         relative,
+        of_forces: 0.0,
         floor: 0.0,
         settled,
         bounded: settled,
