@@ -9,7 +9,6 @@ mod bytes;
 pub mod compare;
 pub mod gradient;
 pub mod knobs;
-mod left_out;
 pub mod output;
 pub mod results;
 mod run;
@@ -33,7 +32,6 @@ pub use checks::{
     Accuracy, CoarseLoad, CubicBody, DrivenSides, Hourglass, LockedBody, LooseMotions, NegativeBody, Others,
     PhysicsCheck, ReversedGap, Turning, TurningBody, UnbalancedLoad,
 };
-pub use left_out::LeftOut;
 pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
 pub use run::{
@@ -44,7 +42,7 @@ pub use run::{
 pub use savings::{SavingError, savings};
 pub use scene::{
     Auto, Between, Bodies, Cadence, CallerValues, CsvOutput, DEFAULT_STEP_ERROR, Energy, Equations, EventRule, Every,
-    Explicit, Forcing, FromWhole, GiveError, Given, InputFile, Measure, Measured, NO_SAMPLING, NamedRegion,
+    Explicit, Forcing, FromWhole, GiveError, Given, InputFile, LeftOut, Measure, Measured, NO_SAMPLING, NamedRegion,
     ON_ANY_CELLS, OpenRim, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RimOfField, RuleChoice,
     SampleAt, Samples, Sampling, Scene, SceneBox, ScenePart, Sketch, Solving, Source, StateAt, StateUpdate, StepPlace,
     Steps, TermSummary, VtkOutput, messages_without_mesh, parts, place_of_moving, prepare, prepare_keeping,

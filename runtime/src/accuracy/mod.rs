@@ -16,17 +16,17 @@ mod data;
 mod marking;
 mod outcome;
 mod picture;
-mod record;
 mod search;
 #[cfg(test)]
 mod tests;
 mod ways;
 
+pub use crate::output::record::{AccuracyRecord, Marks, Other, Rounds, TrialRun, marks_of, rounds_of};
+pub use crate::scene::demand::{DEFAULT_QUANTITY, LARGEST, SMALLEST, is_accuracy};
 pub use adjoint::{Indicator, Pair};
 pub use data::{Probed, curvature, probe};
 pub use outcome::{Cost, Extent, Found, Guide, OfData, Out, Short, Trials};
 pub use picture::{MESH_FILE, REFINED, SHARE, mesh_piece};
-pub use record::{AccuracyRecord, Marks, Other, Rounds, TrialRun, marks_of, rounds_of};
 pub use search::seek;
 pub use ways::{Role, Wanted, Ways, lean, method_word, work};
 
@@ -43,17 +43,5 @@ pub struct Demand {
     pub from_coarsest: bool,
 }
 
-/// The quantity where nothing is said: the unknowns themselves, in the mean over the bodies.
-pub const DEFAULT_QUANTITY: &str = "L2";
 /// The budget where nothing is said, in seconds: ten minutes, as long as one waits at a desk.
 pub const DEFAULT_BUDGET: f64 = 600.0;
-/// The smallest relative error that can be demanded: below it rounding dominates the differences.
-pub const SMALLEST: f64 = 1e-8;
-/// The largest relative error: beyond half of the quantity nothing is known of it, and its estimate means nothing.
-pub const LARGEST: f64 = 0.5;
-
-/// Whether a number is an error that can be demanded.
-#[must_use]
-pub fn is_accuracy(error: f64) -> bool {
-    (SMALLEST..=LARGEST).contains(&error)
-}

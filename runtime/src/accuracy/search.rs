@@ -12,10 +12,9 @@ mod checks;
 mod told;
 
 use super::{
-    Demand, Found, Indicator, Out, Rounds, Short, TrialRun, Trials, Ways,
+    Demand, Found, Indicator, Other, Out, Rounds, Short, TrialRun, Trials, Ways,
     marking::{also, everything, marked},
     outcome::{Extent, Guide, OfData},
-    record::Other,
     ways::Wanted,
 };
 use crate::{knobs::Setting, output::Real, refine::Mark};

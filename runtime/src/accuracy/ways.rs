@@ -461,3 +461,54 @@ pub(super) fn test_ways(dim: usize, role: Role, own: usize) -> Ways {
         value: 1.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use wfl::{NoFiles, ResolvedScript, SourceMap, resolve};
+    use wfl_compiler::InterpreterBackend;
+
+    use super::{Role, Ways};
+    use crate::Scene;
+
+    const BLOCK: &str = "wfl 1
+param E = 100
+param slope = 300
+param h = 0.5
+mesh box [0,0] to [1,1] cells [2,2] quad
+region floor = faces where y == 0
+region top = faces where y == 1
+unknown u : vector
+def stress(v) = E*Sym(Grad_v)
+term elastic on all : stress(u):Grad_Test_u
+fix u(1) = 0 on top
+load u = [0,-1] on top
+";
+
+    fn role(terms: &str) -> Role {
+        let (script, scene) = prepared(terms);
+        Ways::of(&script, &scene).role
+    }
+
+    #[test]
+    fn a_stiffness_of_another_name_is_not_taken_for_a_penalty() {
+        let law =
+            |name: &str| format!("param {name} = 300\nterm law on floor : pos_part({name}*u.Normal)*(Test_u.Normal)");
+        assert_eq!(role(&law("gamma")), Role::Penalty);
+        assert_eq!(role(&law("k_spring")), Role::None);
+        // the solution of a consistent method does not depend on its parameter, whatever its name
+        let nitsche = "term contact on floor : pos_part(slope*u.Normal - (stress(u)*Normal).Normal)*(Test_u.Normal)";
+        assert_eq!(role(nitsche), Role::Consistent);
+    }
+
+    fn prepared(terms: &str) -> (ResolvedScript, Scene) {
+        let mut sources = SourceMap::new();
+        let main = sources.add("scene.wfl", format!("{BLOCK}{terms}"));
+        let script = resolve(&mut sources, main, &mut NoFiles, &[]);
+        let script = script.value.unwrap_or_else(|| panic!("{:?}", script.diagnostics));
+        let made = crate::prepare(&script, Path::new("."), &InterpreterBackend);
+        let scene = made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics));
+        (script, scene)
+    }
+}

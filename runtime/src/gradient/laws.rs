@@ -13,7 +13,6 @@ use super::{
 };
 use crate::{
     assemble::{AssembledTerm, Binding, Bound, Domain, FieldValues, Integrator, LawSlots, Workspace},
-    scene::Origin,
     window::Window,
 };
 
@@ -155,26 +154,4 @@ pub(super) fn callable(
         out.push((of, AssembledTerm::new(law, integrator, None, kernel, None, &extended.starts)));
     }
     Ok(out)
-}
-
-impl crate::Scene {
-    /// The text of a law.
-    pub(super) fn source_of<'s>(
-        &self,
-        script: &'s ResolvedScript,
-        origin: Origin,
-    ) -> Option<wfl_compiler::TermSource<'s>> {
-        use wfl_compiler::TermSource;
-        match origin {
-            Origin::Term(k) => {
-                let term = script.terms.get(k)?;
-                Some(if term.energy { TermSource::Energy(&term.expr) } else { TermSource::Residual(&term.expr) })
-            }
-            Origin::Load(k, target) => {
-                let load = script.loads.get(k)?;
-                let (field, part) = self.load_part(load.targets.get(target)?)?;
-                Some(TermSource::Load { value: &load.value, field, part })
-            }
-        }
-    }
 }

@@ -18,6 +18,7 @@ mod names;
 mod ordered;
 mod parts;
 mod real;
+pub mod record;
 mod report;
 #[cfg(test)]
 mod scratch;

@@ -2,7 +2,6 @@
 
 use super::{Attempt, AttemptEnd, Path, Run, RunOptions, StepResult, findings::worst_checks};
 use crate::{
-    left_out::LeftOut,
     mesh::{CellKind, Mesh},
     newton::{LinearSolver, Stop},
     output::{
@@ -10,7 +9,7 @@ use crate::{
         StepReport, Timings, peak_memory_bytes,
     },
     pruning::Saving,
-    scene::Scene,
+    scene::{LeftOut, Scene},
     team::Team,
 };
 

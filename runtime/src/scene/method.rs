@@ -78,10 +78,7 @@ mod tests {
     use wfl::{NoFiles, ResolvedScript, SourceMap, resolve};
     use wfl_compiler::InterpreterBackend;
 
-    use crate::{
-        Scene,
-        accuracy::{Role, Ways},
-    };
+    use crate::Scene;
 
     const BLOCK: &str = "wfl 1
 param E = 100
@@ -96,22 +93,6 @@ term elastic on all : stress(u):Grad_Test_u
 fix u(1) = 0 on top
 load u = [0,-1] on top
 ";
-
-    fn role(terms: &str) -> Role {
-        let (script, scene) = prepared(terms);
-        Ways::of(&script, &scene).role
-    }
-
-    #[test]
-    fn a_stiffness_of_another_name_is_not_taken_for_a_penalty() {
-        let law =
-            |name: &str| format!("param {name} = 300\nterm law on floor : pos_part({name}*u.Normal)*(Test_u.Normal)");
-        assert_eq!(role(&law("gamma")), Role::Penalty);
-        assert_eq!(role(&law("k_spring")), Role::None);
-        // the solution of a consistent method does not depend on its parameter, whatever its name
-        let nitsche = "term contact on floor : pos_part(slope*u.Normal - (stress(u)*Normal).Normal)*(Test_u.Normal)";
-        assert_eq!(role(nitsche), Role::Consistent);
-    }
 
     fn parameter(terms: &str) -> Option<String> {
         let (script, scene) = prepared(terms);

@@ -5,9 +5,11 @@ use wfl::{
     ast::{OptionItem, OptionValue},
 };
 
-use super::{Builder, constants};
+use super::{
+    Builder, constants,
+    demand::{DEFAULT_QUANTITY, LARGEST, SMALLEST, is_accuracy},
+};
 use crate::{
-    accuracy::{DEFAULT_QUANTITY, LARGEST, SMALLEST, is_accuracy},
     newton::{LARGEST_PERTURBATION, LARGEST_TOLERANCE, NewtonOptions, obstacle, obstacle_of_filter},
     solve::LinearMethod,
     system::System,

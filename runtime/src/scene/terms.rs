@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use wfl::{
-    Code, Diagnostic, Span,
+    Code, Diagnostic, ResolvedScript, Span,
     ast::{Ident, TargetPart},
 };
 use wfl_compiler::{
@@ -289,8 +289,23 @@ impl<'s> Listed<'s> {
 }
 
 impl Scene {
+    /// The text of a law.
+    pub(crate) fn source_of<'s>(&self, script: &'s ResolvedScript, origin: Origin) -> Option<TermSource<'s>> {
+        match origin {
+            Origin::Term(k) => {
+                let term = script.terms.get(k)?;
+                Some(if term.energy { TermSource::Energy(&term.expr) } else { TermSource::Residual(&term.expr) })
+            }
+            Origin::Load(k, target) => {
+                let load = script.loads.get(k)?;
+                let (field, part) = self.load_part(load.targets.get(target)?)?;
+                Some(TermSource::Load { value: &load.value, field, part })
+            }
+        }
+    }
+
     /// The field that a load acts on, and which part of it; `None` for a component that is none.
-    pub(crate) fn load_part(&self, target: &wfl::ast::Target) -> Option<(FieldId, LoadPart)> {
+    fn load_part(&self, target: &wfl::ast::Target) -> Option<(FieldId, LoadPart)> {
         let position = self.system.fields.iter().position(|f| f.name == target.field.name)?;
         let part = match &target.part {
             TargetPart::Whole => LoadPart::Whole,

@@ -2,7 +2,7 @@
 
 use super::{End, Level, Planned, SAFETY, Search, TOLERANCES};
 use crate::{
-    accuracy::{AccuracyRecord, Found, Role, Short, Trials, record::Other},
+    accuracy::{AccuracyRecord, Found, Other, Role, Short, Trials},
     output::Real,
 };
 

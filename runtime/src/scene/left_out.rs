@@ -2,10 +2,10 @@
 
 use wfl_compiler::{Class, types::FieldKind};
 
+use super::Scene;
 use crate::{
     newton::{condenses, shares_forces},
     pruning::Pruning,
-    scene::Scene,
     system::System,
 };
 

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Real;
 use crate::{
     mesh::CellId,
-    output::Real,
     refine::{Axes, Mark},
 };
 
