@@ -5,11 +5,9 @@
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
-mod bytes;
 pub mod compare;
 pub mod gradient;
 pub mod knobs;
-pub mod output;
 pub mod results;
 mod run;
 mod savings;
@@ -22,10 +20,11 @@ pub use wfl_discrete::{
     redistribution, share, space, system,
 };
 use wfl_discrete::{value, window};
-use wfl_host::halo;
 pub use wfl_host::{input, memory, reading, team};
 pub use wfl_mesh::{element, mesh, quadrature, refine};
 pub use wfl_newton as newton;
+pub use wfl_output as output;
+use wfl_output::bytes;
 pub use wfl_sparse::{csr, solve};
 
 pub use checks::{

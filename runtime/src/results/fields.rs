@@ -13,7 +13,7 @@ use crate::{
     space::{Space, Support},
 };
 
-use super::piece::{PieceError, array, split_as, vtk_cell};
+use wfl_output::{PieceError, array, split_as, vtk_cell};
 
 /// The cells of a field on its own nodes, in the order of VTK. `None` for fields that are no Lagrange elements of degree 1
 /// or 2 on cells or faces.

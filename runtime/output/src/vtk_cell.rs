@@ -230,7 +230,7 @@ mod tests {
 
     #[test]
     fn wedges_and_pyramids_have_their_nodes_where_vtk_has_them() {
-        use crate::{
+        use wfl_mesh::{
             element::{Element, Family},
             mesh::CellKind,
         };

@@ -21,7 +21,8 @@ impl Hash {
     }
 
     /// The one of which [`fmt::Display`] made a text.
-    pub(crate) fn read(text: &str) -> Option<Self> {
+    #[must_use]
+    pub fn read(text: &str) -> Option<Self> {
         let whole = text.len() == 32 && text.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b));
         let part = |digits: &str| u64::from_str_radix(digits, 16).ok();
         whole.then(|| Some(Hash([part(&text[..16])?, part(&text[16..])?])))?

@@ -11,7 +11,7 @@ use std::{
 use super::names::step_beginning;
 use super::vtu::{Outline, XML_DECLARATION, escape};
 use super::{OutputDir, OutputError, VtuError, check_name, step_name};
-use crate::input::{InputKind, read_input};
+use wfl_host::input::{InputKind, read_input};
 
 /// Whether a part has the pieces and the arrays of the first one: viewers take only arrays that all parts have.
 pub(super) fn same_outline(part: usize, first: &Outline, own: &Outline) -> Result<(), VtuError> {

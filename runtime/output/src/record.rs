@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Real;
-use crate::{
+use wfl_mesh::{
     mesh::CellId,
     refine::{Axes, Mark},
 };

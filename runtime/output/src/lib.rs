@@ -3,20 +3,26 @@
 //! Promises: plain types in, files out; a file appears under its name whole or not at all; the
 //! same input gives the same bytes; a folder never shows steps of two runs as one result: its manifest says which files
 //! belong to what; nothing else is replaced or removed.
-//! Does not know meshes, fields or solvers, does not choose what is written or when, and reads
+//! `piece`, `line` and `locate` alone know meshes and fields: they make these types of expressions on bodies and
+//! interfaces, along lines and at points. Does not know scenes or solvers, does not choose what is written or when, and reads
 //! nothing back except the manifest, and of a step in parts which files it has.
+#![forbid(unsafe_code)]
 
 mod atomic;
+pub mod bytes;
 mod csv;
 mod files;
 mod grid;
 mod hash;
 mod identity;
+mod line;
+mod locate;
 mod lock;
 mod manifest;
 mod names;
 mod ordered;
 mod parts;
+mod piece;
 mod real;
 pub mod record;
 mod report;
@@ -32,11 +38,14 @@ pub use csv::{MEASURES_FILE, write_csv};
 pub use grid::{Array, Cells, Piece, VtuError};
 pub use hash::{Hash, Hasher};
 pub use identity::Identity;
+pub use line::LineSample;
+pub use locate::Located;
 pub use lock::abandon;
 pub use manifest::{Kind, MANIFEST_FILE, State};
 pub use names::{Plan, check_name, part_name, part_of, step_name};
 pub use ordered::OrderedMap;
 pub use parts::sources;
+pub use piece::{Item, PieceError, SampledPiece, array, split_as, vtk_cell};
 pub use real::Real;
 pub use report::{
     About, AttemptReport, Check, ContactCounts, EventReport, GradientReport, LeftOutReport, MeshReport, ParameterValue,

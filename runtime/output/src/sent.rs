@@ -33,7 +33,8 @@ impl Piece {
         }
     }
 
-    pub(crate) fn write_to(&self, w: &mut Writer) {
+    /// Writes the piece as bytes for another rank, which [`Self::read_from`] reads.
+    pub fn write_to(&self, w: &mut Writer) {
         w.numbers(self.points.as_flattened());
         w.list(&self.cells.kinds, |w, kind| w.count(usize::from(kind.type_number())));
         w.smalls(&self.cells.nodes);
@@ -46,7 +47,11 @@ impl Piece {
         }
     }
 
-    pub(crate) fn read_from(r: &mut Reader<'_>) -> Result<Self, Unreadable> {
+    /// The piece that another rank wrote.
+    ///
+    /// # Errors
+    /// [`Unreadable`] for bytes that no piece was written to.
+    pub fn read_from(r: &mut Reader<'_>) -> Result<Self, Unreadable> {
         let points = r.numbers()?.as_chunks().0.to_vec();
         let kinds: Vec<u32> = r.list(Reader::small)?;
         let (nodes, mut cells) = (r.smalls()?, Cells::default());

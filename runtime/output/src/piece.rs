@@ -9,20 +9,22 @@ use std::{
 };
 
 use wfl_compiler::types::Shape;
-
-use crate::{
+use wfl_discrete::{
     assemble::{Domain, FieldValues},
-    element::{ElementError, Family},
     field::{Field, FieldError, FieldSpace},
-    halo::Halo,
-    mesh::{CellKind, FaceEdge, FacetRef, Mesh, MeshError, Part, SupportSet, Topology},
-    output::{Array, Cells, Piece, VtkCell},
-    quadrature::Rule,
     share::owners_of_space,
     space::{Space, Support},
     value::{Sampled, Value},
     window::Window,
 };
+use wfl_host::halo::Halo;
+use wfl_mesh::{
+    element::{ElementError, Family},
+    mesh::{CellKind, FaceEdge, FacetRef, Mesh, MeshError, Part, SupportSet, Topology},
+    quadrature::Rule,
+};
+
+use crate::{Array, Cells, Piece, VtkCell};
 
 /// An expression sampled on a piece.
 pub struct Item {
@@ -282,7 +284,7 @@ impl Item {
 }
 
 /// A split field shows its two sides.
-pub(super) fn split_as(space: &mut Space, topology: &Topology, fields: &[Field]) {
+pub fn split_as(space: &mut Space, topology: &Topology, fields: &[Field]) {
     for field in fields {
         if let FieldSpace::Nodal(torn) = &field.space
             && torn.is_split()
@@ -304,7 +306,7 @@ pub enum PieceError {
 }
 
 /// Entries with the first index fastest to an array; matrices become row-major.
-pub(super) fn array(name: &str, shape: Shape, values: Vec<f64>) -> Array {
+pub fn array(name: &str, shape: Shape, values: Vec<f64>) -> Array {
     if shape.rank() != 2 {
         return Array { name: name.to_owned(), components: shape.len(), values };
     }
@@ -317,7 +319,7 @@ pub(super) fn array(name: &str, shape: Shape, values: Vec<f64>) -> Array {
 }
 
 /// The cell of VTK with the nodes of a Lagrange element of degree 1 or 2.
-pub(crate) fn vtk_cell(kind: CellKind, degree: usize) -> VtkCell {
+pub fn vtk_cell(kind: CellKind, degree: usize) -> VtkCell {
     match (kind, degree) {
         (CellKind::Point, _) => VtkCell::Vertex,
         (CellKind::Segment, 1) => VtkCell::Line,

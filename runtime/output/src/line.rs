@@ -4,15 +4,16 @@
 //! order of the mesh, that holds the point and where the expression lives. One that lives in several places has one
 //! column; a point of two of them has the value of the first.
 
-use crate::{
+use wfl_discrete::{
     assemble::FieldValues,
     field::{Field, FieldError},
-    mesh::Mesh,
-    results::Located,
-    team::Team,
     value::{Sampled, Value},
     window::Window,
 };
+use wfl_host::team::Team;
+use wfl_mesh::mesh::Mesh;
+
+use crate::Located;
 
 struct LineItem {
     name: String,

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::OutputError;
 use super::hash::{Hash, Hasher};
 use super::manifest::{Content, MANIFEST_FILE, Manifest, Unusable};
-use crate::input::{InputKind, read_input};
+use wfl_host::input::{InputKind, read_input};
 
 /// Bytes gathered before they go to the system.
 pub(super) const BUFFER: usize = 1 << 17;

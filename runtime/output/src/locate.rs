@@ -7,8 +7,8 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use crate::{
-    assemble::{Domain, Group, GroupSide, Over},
+use wfl_discrete::assemble::{Domain, Group, GroupSide, Over};
+use wfl_mesh::{
     mesh::{CellFinder, CellId, FaceEdge, FacetFinder, FacetRef, InterfaceFacet, Mesh, MeshError, RegionSet},
     quadrature::Rule,
 };
