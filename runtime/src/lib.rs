@@ -11,7 +11,6 @@ pub mod knobs;
 pub mod results;
 mod run;
 mod savings;
-mod scene;
 
 pub use wfl_checks::{self as checks, consistency};
 pub use wfl_contact as contact;
@@ -25,6 +24,7 @@ pub use wfl_mesh::{element, mesh, quadrature, refine};
 pub use wfl_newton as newton;
 pub use wfl_output as output;
 use wfl_output::bytes;
+use wfl_problem as scene;
 pub use wfl_sparse::{csr, solve};
 
 pub use checks::{
@@ -39,14 +39,6 @@ pub use run::{
     Trajectory, finished, may_begin, run, save,
 };
 pub use savings::{SavingError, savings};
-pub use scene::{
-    Auto, Between, Bodies, Cadence, CallerValues, CsvOutput, DEFAULT_STEP_ERROR, Energy, Equations, EventRule, Every,
-    Explicit, Forcing, FromWhole, GiveError, Given, InputFile, LeftOut, Measure, Measured, NO_SAMPLING, NamedRegion,
-    ON_ANY_CELLS, OpenRim, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RimOfField, RuleChoice,
-    SampleAt, Samples, Sampling, Scene, SceneBox, ScenePart, Sketch, Solving, Source, StateAt, StateUpdate, StepPlace,
-    Steps, TermSummary, VtkOutput, messages_without_mesh, parts, place_of_moving, prepare, prepare_keeping,
-    prepare_part, prepare_refined, prepare_sampled, region_name, without_auto,
-};
 pub use solve::SolverMemory;
 pub use system::{
     ActiveSet, Branches, FIXED, Form, FrozenTerm, Known, LinearTerms, Numbering, Past, Residual, StateValues, System,
@@ -55,4 +47,12 @@ pub use system::{
 pub use wfl_discrete::{
     value::{Sampled, Value, uniforms_at},
     window::Window,
+};
+pub use wfl_problem::{
+    Auto, Between, Bodies, Cadence, CallerValues, CsvOutput, DEFAULT_STEP_ERROR, Energy, Equations, EventRule, Every,
+    Explicit, Forcing, FromWhole, GiveError, Given, InputFile, LeftOut, Measure, Measured, NO_SAMPLING, NamedRegion,
+    ON_ANY_CELLS, OpenRim, Over, PrepareTimes, Prepared, Prescribed, Printed, Refined, Regions, RimOfField, RuleChoice,
+    SampleAt, Samples, Sampling, Scene, SceneBox, ScenePart, Sketch, Solving, Source, StateAt, StateUpdate, StepPlace,
+    Steps, TermSummary, VtkOutput, messages_without_mesh, parts, place_of_moving, prepare, prepare_keeping,
+    prepare_part, prepare_refined, prepare_sampled, region_name, without_auto,
 };
