@@ -5,10 +5,11 @@ use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use wfl_host::input::{InputKind, read_input};
+
 use super::OutputError;
 use super::hash::{Hash, Hasher};
 use super::manifest::{Content, MANIFEST_FILE, Manifest, Unusable};
-use wfl_host::input::{InputKind, read_input};
 
 /// Bytes gathered before they go to the system.
 pub(super) const BUFFER: usize = 1 << 17;

@@ -8,10 +8,11 @@ use std::{
     io::{self, Write},
 };
 
+use wfl_host::input::{InputKind, read_input};
+
 use super::names::step_beginning;
 use super::vtu::{Outline, XML_DECLARATION, escape};
 use super::{OutputDir, OutputError, VtuError, check_name, step_name};
-use wfl_host::input::{InputKind, read_input};
 
 /// Whether a part has the pieces and the arrays of the first one: viewers take only arrays that all parts have.
 pub(super) fn same_outline(part: usize, first: &Outline, own: &Outline) -> Result<(), VtuError> {

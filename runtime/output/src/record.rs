@@ -1,12 +1,12 @@
 //! The part of the report about a demanded accuracy.
 
 use serde::{Deserialize, Serialize};
-
-use super::Real;
 use wfl_mesh::{
     mesh::CellId,
     refine::{Axes, Mark},
 };
+
+use super::Real;
 
 /// How a mesh is refined: the marked cells, round by round.
 pub type Rounds = Vec<Vec<Mark>>;

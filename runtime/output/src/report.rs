@@ -12,7 +12,6 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::{Hash, OrderedMap, OutputDir, OutputError, Real, hash::Hasher};
-
 use crate::record::{AccuracyRecord, Marks};
 
 /// The name of the report in the output folder.

@@ -10,6 +10,13 @@ use wfl_compiler::{
     ir::VerifiedKernel,
     types::FieldKind,
 };
+use wfl_contact::ContactTerm;
+use wfl_discrete::{
+    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots, tangent_kernel},
+    pruning::Pruning,
+    system::{FrozenTerm, Numbering},
+};
+use wfl_mesh::mesh::RegionSet;
 
 use super::{
     Builder, TermSummary,
@@ -19,13 +26,6 @@ use super::{
     outputs::facet_support,
     terms::{PlacedLaw, PointsOf, RuleChoice, Rules, domain},
 };
-use wfl_contact::ContactTerm;
-use wfl_discrete::{
-    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots, tangent_kernel},
-    pruning::Pruning,
-    system::{FrozenTerm, Numbering},
-};
-use wfl_mesh::mesh::RegionSet;
 
 /// The terms of a scene, made.
 pub(super) struct Assembled {

@@ -6,9 +6,9 @@
 //! displacement, too), the next value follows from the last one.
 
 use wfl::{Code, Diagnostic, Param, ResolvedScript, ast::ExprKind};
+use wfl_contact::coercivity;
 
 use super::{Prepared, Scene, With, prepare_as_written};
-use wfl_contact::coercivity;
 
 /// Relative agreement of the parameter of a term with the requested value.
 const AGREEMENT: f64 = 1e-6;

@@ -9,12 +9,12 @@ use std::collections::BTreeMap;
 
 use wfl::{Code, Diagnostic, ast::BalancePart};
 use wfl_compiler::types::FieldKind;
+use wfl_discrete::window::Window;
 
 use super::{
     Builder, Energy, Scene,
     reactions::{Added, Held, Measured},
 };
-use wfl_discrete::window::Window;
 
 /// Of what moved this part may be lost: Newton's tolerance leaves less.
 const LOST: f64 = 1e-8;

@@ -6,7 +6,6 @@
 
 use std::iter;
 
-use super::{Given, Scene, parts};
 use wfl_compiler::types::InputSlot;
 use wfl_discrete::{field::FieldSpace, space::Support, value::Value, window::Window};
 use wfl_mesh::{
@@ -14,6 +13,8 @@ use wfl_mesh::{
     mesh::{CellId, CellKind, FacetRef, Mesh},
     quadrature::{composite, facet_points},
 };
+
+use super::{Given, Scene, parts};
 
 /// What interpolation between nodes loses of given values.
 #[derive(Clone, Debug, Default)]

@@ -14,6 +14,17 @@ use wfl_compiler::{
     Constant, Env,
     types::{FieldKind, InputSlot, UniformSlot},
 };
+use wfl_contact::{Contact, ContactTerm};
+use wfl_discrete::{
+    field::Field,
+    pruning::Pruning,
+    rates::Scheme,
+    system::{FrozenTerm, Known, Numbering, Past, PastForm, System},
+    window::Window,
+};
+use wfl_newton::NewtonOptions;
+use wfl_output::SampledPiece;
+use wfl_sparse::csr::CsrError;
 
 use super::{
     Builder, Computed, CsvOutput, DeclaredField, EventRule, Given, Measure, OwnedEnv, Parts, PrepareTimes, Prescribed,
@@ -27,17 +38,6 @@ use super::{
     rates::{self, Integration},
     reactions, rest, states, terms,
 };
-use wfl_contact::{Contact, ContactTerm};
-use wfl_discrete::{
-    field::Field,
-    pruning::Pruning,
-    rates::Scheme,
-    system::{FrozenTerm, Known, Numbering, Past, PastForm, System},
-    window::Window,
-};
-use wfl_newton::NewtonOptions;
-use wfl_output::SampledPiece;
-use wfl_sparse::csr::CsrError;
 
 /// Makes the problem of a script; `part` on one of several ranks that has a part of the mesh.
 pub(super) fn build(

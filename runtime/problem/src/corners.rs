@@ -11,14 +11,14 @@ use wfl_compiler::{
     Class,
     types::{FieldKind, InputSlot, Side},
 };
+use wfl_discrete::{field::FieldSpace, space::Support};
+use wfl_mesh::element::Family;
 
 use super::{
     constraints::{SAME_PLACE, extent},
     meeting::Multipliers,
     normals::node_normals,
 };
-use wfl_discrete::{field::FieldSpace, space::Support};
-use wfl_mesh::element::Family;
 
 /// W424 for each multiplier with one value for displacements along several normals, of which none is prescribed.
 pub(super) fn several_normals(on: &Multipliers<'_>) -> Vec<Diagnostic> {

@@ -1,9 +1,9 @@
 //! Cells without a term: a hole in the model that no equation would show.
 
 use wfl::{Code, Diagnostic, MeshStmt, ResolvedScript, ast::OptionValue};
+use wfl_mesh::mesh::{CellId, GroupEntities, Mesh, RegionSet};
 
 use super::terms::PlacedLaw;
-use wfl_mesh::mesh::{CellId, GroupEntities, Mesh, RegionSet};
 
 /// E425 if cells of the mesh are in no term, unless the mesh statement allows that. A scene whose terms all stand on
 /// faces has no such cells; of one with a term that has a mistake nothing is known.

@@ -6,11 +6,12 @@
 //! on its entities; the rule of a region's own terms comes before that of others, and what has no kinks keeps it: a second name
 //! of a region is how terms get rules of their own.
 
+use wfl_mesh::mesh::{Mesh, RegionSet};
+
 use super::{
     regions::Regions,
     rule_choice::{RuleChoice, Rules},
 };
-use wfl_mesh::mesh::{Mesh, RegionSet};
 
 /// What is asked for a rule.
 #[derive(Clone, Copy)]

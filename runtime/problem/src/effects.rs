@@ -13,16 +13,6 @@ use wfl::{
     split_prefixes,
 };
 use wfl_compiler::types::{BasisSlot, FieldOp, Side};
-
-use super::{
-    Builder,
-    constraints::{Contradiction, Prescribed},
-    covered::share,
-    jumps,
-    normals::{faces_of, held_faces, node_normals},
-    options::Steps,
-    terms::PlacedLaw,
-};
 use wfl_discrete::{
     field::{Field, FieldSpace},
     space::Support,
@@ -32,6 +22,16 @@ use wfl_discrete::{
 use wfl_mesh::{
     element::Family,
     mesh::{FacetRef, NodeId, RegionSet},
+};
+
+use super::{
+    Builder,
+    constraints::{Contradiction, Prescribed},
+    covered::share,
+    jumps,
+    normals::{faces_of, held_faces, node_normals},
+    options::Steps,
+    terms::PlacedLaw,
 };
 
 /// Steps at which prescribed values are compared, the first and the last among them.

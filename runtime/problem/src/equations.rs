@@ -5,7 +5,6 @@
 
 use std::{fmt, ops::Deref};
 
-use super::{RuleChoice, Scene};
 use wfl_checks::{
     CoarseLoad, DrivenSides, Hourglass, UnbalancedLoad,
     consistency::{self, ContactForm},
@@ -17,6 +16,8 @@ use wfl_discrete::{
     system::{System, SystemError},
     window::Window,
 };
+
+use super::{RuleChoice, Scene};
 
 /// The equations of a scene at one step.
 #[derive(Clone)]

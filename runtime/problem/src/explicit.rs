@@ -8,13 +8,13 @@ use std::sync::Arc;
 
 use wfl::{Code, Diagnostic, ResolvedScript, Span};
 use wfl_compiler::{Class, types::InputSlot};
-
-use super::{Given, Scene, Steps, options::Equal};
 use wfl_discrete::{
     longest_step::StepLimit,
     lumped::{Lumped, Unlumped},
     window::Window,
 };
+
+use super::{Given, Scene, Steps, options::Equal};
 
 /// The mass of a scene on the diagonal.
 #[derive(Clone, Debug, Default)]

@@ -18,6 +18,11 @@ use wfl_compiler::{
     interpret, run_prologue,
     types::{FieldKind, FieldOp, InputSlot},
 };
+use wfl_discrete::field::{Field, FieldSpace};
+use wfl_mesh::{
+    element::Family,
+    mesh::{CellKind, FacetRef, Mesh},
+};
 
 use super::{
     Parts,
@@ -25,11 +30,6 @@ use super::{
     normals::faces_of,
     rule_choice::{RuleChoice, Rules, end_on_axis, ends, highest, is_bound},
     terms::{PlacedLaw, TermMaker},
-};
-use wfl_discrete::field::{Field, FieldSpace};
-use wfl_mesh::{
-    element::Family,
-    mesh::{CellKind, FacetRef, Mesh},
 };
 
 /// A force below this part of that at the middle of the face is none.

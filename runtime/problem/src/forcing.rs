@@ -15,10 +15,10 @@ use wfl::{
     children, cond_children, each_name, split_prefixes,
 };
 use wfl_compiler::{InterpreterBackend, compile_value, types::UniformSlot};
-
-use super::{Builder, Steps, mesh::position_place};
 use wfl_discrete::{value::Value, window::Window};
 use wfl_mesh::mesh::{Mesh, RegionSet};
+
+use super::{Builder, Steps, mesh::position_place};
 
 /// Parts of the range of the step variable that each formula is looked at in.
 const GRID: usize = 1024;

@@ -10,6 +10,12 @@ use wfl::{
     ast::{Expr, ExprKind},
 };
 use wfl_compiler::{TermSource, backend::KernelBackend, compile_term, compile_value, types::PlaceSig};
+use wfl_discrete::{
+    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
+    system::System,
+    value::Value,
+};
+use wfl_mesh::mesh::RegionSet;
 
 use super::{
     Measure, Scene, StateAt,
@@ -17,12 +23,6 @@ use super::{
     outputs::{OutputMaker, facet_support},
     terms::{RuleChoice, Rules, domain},
 };
-use wfl_discrete::{
-    assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
-    system::System,
-    value::Value,
-};
-use wfl_mesh::mesh::RegionSet;
 
 /// Where an expression is integrated.
 struct Home {

@@ -3,8 +3,6 @@
 use std::sync::Arc;
 
 use wfl_compiler::{FrozenLaw, PrintLaw, backend::PointKernel, ir::Origin, types::FieldKind};
-
-use super::Builder;
 use wfl_contact::{ContactParts, ContactTerm};
 use wfl_discrete::{
     assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
@@ -15,6 +13,8 @@ use wfl_discrete::{
     value::{Sampled, Value},
     window::Window,
 };
+
+use super::Builder;
 
 /// A `Print` of a term.
 pub struct Printed {

@@ -27,14 +27,6 @@ use std::{
 
 use wfl::{Code, Diagnostic, ResolvedScript, Span, ast::Crosspoints};
 use wfl_compiler::types::{FieldKind, Side};
-
-use super::{
-    constraints::{SAME_PLACE, Spot, at_place, extent, facets_of_nodes},
-    mappings::Mappings,
-    meeting::crosspoints,
-};
-use coarse::{Readings, is_coarse};
-use directions::{Node, Split};
 use wfl_contact::{Contact, Friction, couplings, has_multiplier};
 use wfl_discrete::{
     field::FieldSpace,
@@ -44,6 +36,14 @@ use wfl_discrete::{
 };
 use wfl_mesh::mesh::{FacetRef, Topology};
 use wfl_sparse::csr::{Csr, CsrError};
+
+use super::{
+    constraints::{SAME_PLACE, Spot, at_place, extent, facets_of_nodes},
+    mappings::Mappings,
+    meeting::crosspoints,
+};
+use coarse::{Readings, is_coarse};
+use directions::{Node, Split};
 
 /// What `wfl check` says of nodes whose sides are one: the multiplier and the reason.
 pub(super) type Notes = Vec<(String, String)>;

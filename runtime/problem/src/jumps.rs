@@ -11,8 +11,6 @@ use wfl_compiler::{
     locate,
     types::{FieldId, FieldKind},
 };
-
-use super::Parts;
 use wfl_discrete::{
     field::{Field, FieldSpace},
     space::Support,
@@ -21,6 +19,8 @@ use wfl_mesh::{
     element::Family,
     mesh::{FaceEdge, InterfaceFacet, RegionSet},
 };
+
+use super::Parts;
 
 /// W417 for the jumps of an expression on a place that are zero on all its faces. All places of one field and one region
 /// are in one message.

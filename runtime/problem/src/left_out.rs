@@ -1,10 +1,10 @@
 //! The optimisations that a scene allows, with their reasons. Reads only; they are decided elsewhere.
 
 use wfl_compiler::{Class, types::FieldKind};
-
-use super::Scene;
 use wfl_discrete::{pruning::Pruning, system::System};
 use wfl_newton::{condenses, shares_forces};
+
+use super::Scene;
 
 /// Something that a scene does without.
 #[derive(Clone, Debug, PartialEq, Eq)]

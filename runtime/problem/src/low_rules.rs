@@ -5,13 +5,13 @@ use wfl::{
     ast::{Ident, QuadratureRule},
 };
 use wfl_compiler::types::Side;
-
-use super::{RuleChoice, terms::PlacedLaw};
 use wfl_discrete::{
     assemble::{Domain, Group},
     field::Field,
 };
 use wfl_mesh::mesh::Polynomials;
+
+use super::{RuleChoice, terms::PlacedLaw};
 
 /// The rule of a term and the points that it makes.
 #[derive(Clone, Copy)]

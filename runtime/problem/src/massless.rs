@@ -4,9 +4,9 @@
 //! do not ask for it are left alone.
 
 use wfl::{Code, Diagnostic, ResolvedScript, ast::Ident, nearest};
+use wfl_discrete::redistribution::{Unmovable, redistribution};
 
 use super::Scene;
-use wfl_discrete::redistribution::{Unmovable, redistribution};
 
 /// Takes the mass from the nodes of a region.
 pub(super) fn finish(scene: &mut Scene, script: &ResolvedScript, region: &Ident) -> Result<(), Box<Diagnostic>> {

@@ -11,19 +11,6 @@ use wfl::{
     at_expr,
 };
 use wfl_compiler::{ValueLaw, compile_value};
-
-use super::{
-    Builder, Measure, Measured, RuleChoice, Taken, Turnover,
-    constants::numbers,
-    covered::{Asked, Chosen},
-    jumps, mappings,
-    outputs::OutputMaker,
-    reactions::Held,
-    rule_choice::states_read,
-    sampling::parts,
-    terms::{self, PointsOf},
-    weights::{self, Weights},
-};
 use wfl_discrete::{
     assemble::Domain,
     field::Field,
@@ -37,6 +24,19 @@ use wfl_mesh::{
     quadrature::{Rule, composite, vertex},
 };
 use wfl_output::Located;
+
+use super::{
+    Builder, Measure, Measured, RuleChoice, Taken, Turnover,
+    constants::numbers,
+    covered::{Asked, Chosen},
+    jumps, mappings,
+    outputs::OutputMaker,
+    reactions::Held,
+    rule_choice::states_read,
+    sampling::parts,
+    terms::{self, PointsOf},
+    weights::{self, Weights},
+};
 
 /// An extreme value at nodes is looked for in so many parts of a cell along each direction, too, where its error is
 /// estimated: between nodes a parabola is larger by at most 1/(2 n)^2 of its height.

@@ -14,18 +14,18 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{Code, Diagnostic, FieldKind as Declared, ResolvedScript, Span, ast::Crosspoints};
 use wfl_compiler::{ProjectionKind, types::FieldKind};
-
-use super::{
-    constraints::{SAME_PLACE, Spot, at_place, extent, facets_of_nodes},
-    mappings::Mappings,
-    terms::PlacedLaw,
-};
 use wfl_discrete::{
     field::{Field, FieldSpace},
     space::{Space, Support},
     system::Numbering,
 };
 use wfl_mesh::mesh::{FacetId, FacetRef, Mesh, NodeId, Topology};
+
+use super::{
+    constraints::{SAME_PLACE, Spot, at_place, extent, facets_of_nodes},
+    mappings::Mappings,
+    terms::PlacedLaw,
+};
 
 /// A dof that a jump reads: field, node, component; what is prescribed is one thing.
 type End = Option<(usize, u32, usize)>;

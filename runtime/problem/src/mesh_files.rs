@@ -7,12 +7,6 @@ use wfl::{
     ast::{Expr, MeshFile, MeshSource, Placing},
     nearest,
 };
-
-use super::{
-    InputFile,
-    constants::{bare_env, number, numbers},
-    mesh::{MeshMaker, mesh_error, too_much_memory},
-};
 use wfl_host::{
     input::{InputError, InputKind},
     reading::{self, ReadingError},
@@ -23,6 +17,12 @@ use wfl_mesh::mesh::{
     together,
 };
 use wfl_output::Hash;
+
+use super::{
+    InputFile,
+    constants::{bare_env, number, numbers},
+    mesh::{MeshMaker, mesh_error, too_much_memory},
+};
 
 /// The meshes of the files, in their order; `None` for a box, and after a message.
 pub(super) fn read(

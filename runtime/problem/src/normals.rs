@@ -8,10 +8,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{ResolvedScript, ast::TargetPart};
-
-use super::regions::Regions;
 use wfl_discrete::space::{Space, Support};
 use wfl_mesh::mesh::{FacetRef, Mesh, RegionSet, Topology};
+
+use super::regions::Regions;
 
 /// Cosine of the angle between normals below which faces are one smooth surface: 30 degrees.
 const SMOOTH: f64 = 0.866_025_403_784_438_6;

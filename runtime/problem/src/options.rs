@@ -4,14 +4,14 @@ use wfl::{
     Code, Diagnostic,
     ast::{OptionItem, OptionValue},
 };
+use wfl_discrete::{system::System, window::Window};
+use wfl_newton::{LARGEST_PERTURBATION, LARGEST_TOLERANCE, NewtonOptions, obstacle, obstacle_of_filter};
+use wfl_sparse::solve::LinearMethod;
 
 use super::{
     Builder, constants,
     demand::{DEFAULT_QUANTITY, LARGEST, SMALLEST, is_accuracy},
 };
-use wfl_discrete::{system::System, window::Window};
-use wfl_newton::{LARGEST_PERTURBATION, LARGEST_TOLERANCE, NewtonOptions, obstacle, obstacle_of_filter};
-use wfl_sparse::solve::LinearMethod;
 
 /// Load or time steps.
 #[derive(Clone, Debug, PartialEq)]

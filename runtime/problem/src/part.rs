@@ -9,8 +9,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::{ResolvedScript, ast::ExprKind};
 use wfl_compiler::types::FieldKind;
-
-use super::{InputFile, NamedRegion, Regions, Scene, auto::is_auto, constraints::facets_of_nodes};
 use wfl_discrete::{
     assemble::AssembledTerm,
     field::FieldSpace,
@@ -31,6 +29,7 @@ use wfl_output::{
     bytes::{Reader, Unreadable, Writer},
 };
 
+use super::{InputFile, NamedRegion, Regions, Scene, auto::is_auto, constraints::facets_of_nodes};
 use crate::Given;
 
 /// What a rank prepares its part of a scene with.

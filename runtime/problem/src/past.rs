@@ -7,14 +7,14 @@ use std::sync::Arc;
 
 use wfl::{Code, Diagnostic};
 use wfl_compiler::{Reading, TermLaw, backend::KernelBackend, compile_linear_part};
-
-use super::{Builder, Steps, assemble::Assembled, rates::Integration};
 use wfl_discrete::{
     assemble::{AssembledTerm, Binding, Integrator, LawSlots, tangent_kernel},
     pruning::Pruning,
     rates::Scheme,
     system::{Numbering, PastForm, is_affine_in_the_past, is_of_rates, readings, stays},
 };
+
+use super::{Builder, Steps, assemble::Assembled, rates::Integration};
 
 /// From so many steps on a matrix of the past pays: its pattern and its assembly take as long as 10 to 40 evaluations at the
 /// points do (triangles and tetrahedra of degrees 1 and 2).

@@ -4,6 +4,9 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use wfl::{Diagnostic, Lost, ResolvedScript};
 use wfl_compiler::{Constant, backend::KernelBackend};
+use wfl_discrete::space::SpacePart;
+use wfl_host::team::Team;
+use wfl_mesh::mesh::{Mesh, Topology, map_nodes};
 
 use super::{
     InputFile, Refined, Regions, Scene, With, constants, mesh, mesh_files,
@@ -11,9 +14,6 @@ use super::{
     refined::Made,
     regions,
 };
-use wfl_discrete::space::SpacePart;
-use wfl_host::team::Team;
-use wfl_mesh::mesh::{Mesh, Topology, map_nodes};
 
 /// What is found while a scene is made, also where it cannot be.
 pub(super) struct Findings {

@@ -14,9 +14,6 @@ use wfl_compiler::{
     LoadPart, TermSource,
     types::{FieldId, FieldKind, PlaceSig},
 };
-
-use super::edges;
-use super::terms::{Loaded, Origin, PlacedLaw, TermMaker, component};
 use wfl_discrete::{
     assemble::Domain,
     field::{Field, FieldSpace},
@@ -27,6 +24,8 @@ use wfl_mesh::{
     mesh::{NodeId, RegionSet},
 };
 
+use super::edges;
+use super::terms::{Loaded, Origin, PlacedLaw, TermMaker, component};
 use crate::fields::global_place;
 
 impl TermMaker<'_> {

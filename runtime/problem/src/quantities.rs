@@ -6,6 +6,12 @@ use wfl_compiler::{
     types::{FieldKind, RateForm},
     without_fields,
 };
+use wfl_discrete::{
+    point_values::{PointValues, SAME_PLACE},
+    value::Value,
+};
+use wfl_host::{input::InputKind, reading};
+use wfl_output::Hash;
 
 use super::{
     Builder, InputFile,
@@ -13,12 +19,6 @@ use super::{
     mesh,
     mesh_files::unread,
 };
-use wfl_discrete::{
-    point_values::{PointValues, SAME_PLACE},
-    value::Value,
-};
-use wfl_host::{input::InputKind, reading};
-use wfl_output::Hash;
 
 impl Builder<'_> {
     /// Values given at the nodes of a field by an expression of the position.

@@ -11,13 +11,13 @@ use wfl_compiler::{
     Constant, each_name_in_effect,
     types::{FieldKind, FieldSig, RateForm},
 };
-
-use super::{Builder, Energy, Given, Prescribed, constants};
 use wfl_discrete::{
     field::Field,
     rates::{Alpha, Driven, MOST_ORDER, Rates, Scheme},
     system::Numbering,
 };
+
+use super::{Builder, Energy, Given, Prescribed, constants};
 
 /// By field, what its rates are compiled to. The equations decide: a field has a second rate where a term or the update of
 /// a state has it, and a first one of its own where one has it and the scheme is not backward Euler; a factor that is zero

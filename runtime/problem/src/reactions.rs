@@ -16,14 +16,14 @@ use wfl::{
     at_expr, children, each_name, split_prefixes,
 };
 use wfl_compiler::{Constant, Env, InterpreterBackend, compile_value, types::FieldKind};
-
-use super::{Builder, Prescribed, mesh::position_place, rates::Integration};
 use wfl_discrete::{
     rates::Scheme,
     system::{Numbering, System},
     value::Value,
     window::Window,
 };
+
+use super::{Builder, Prescribed, mesh::position_place, rates::Integration};
 
 /// An expression is linear if it is to this part of its size.
 const LINEAR: f64 = 1e-9;

@@ -10,16 +10,16 @@ use wfl::{
     ast::{Expr, MeshSource},
     each_name,
 };
+use wfl_mesh::{
+    mesh::{CellId, FacetRef, Mesh, MeshError, MeshWarnings, RegionSet, Subdivision, Topology, summary},
+    refine::{Axes, Descent, Mark, Refiner},
+};
 
 use super::{
     conditions::{ConditionMaker, holds, not_a_number},
     constants::{bare_env, number},
     mesh::{MeshMaker, NodeMap, mesh_error},
     regions::{RegionMaker, Regions},
-};
-use wfl_mesh::{
-    mesh::{CellId, FacetRef, Mesh, MeshError, MeshWarnings, RegionSet, Subdivision, Topology, summary},
-    refine::{Axes, Descent, Mark, Refiner},
 };
 
 /// How the mesh of a scene was refined.

@@ -5,8 +5,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl_compiler::types::{FieldId, FieldKind, FieldOp};
-
-use super::{Scene, constraints::extent, edges};
 use wfl_discrete::{
     assemble::{AssembledTerm, Over},
     field::{Field, FieldSpace},
@@ -17,6 +15,8 @@ use wfl_mesh::{
     element::Family,
     mesh::{FaceEdge, FacetRef, Mesh, NodeId},
 };
+
+use super::{Scene, constraints::extent, edges};
 
 /// A node and a point of a load are one place within this part of the size of the mesh.
 const SAME_PLACE: f64 = 1e-9;

@@ -9,18 +9,18 @@ use std::{cell::Cell, collections::BTreeMap, sync::Arc};
 use serde::{Deserialize, Serialize};
 use wfl::{Code, Diagnostic, ResolvedScript, ast::Expr};
 use wfl_compiler::{Class, Constant, Env, backend::KernelBackend, types::FieldSig};
-
-use super::{
-    Parts, Scene, SceneBox,
-    outputs::{OutputMaker, Target},
-    terms::Rules,
-};
 use wfl_discrete::{assemble::Domain, system::System, value::Value, window::Window};
 use wfl_mesh::{
     mesh::{CellKind, RegionSet},
     quadrature::{rule, vertex},
 };
 use wfl_output::Located;
+
+use super::{
+    Parts, Scene, SceneBox,
+    outputs::{OutputMaker, Target},
+    terms::Rules,
+};
 
 /// One expression at points of one home.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -2,6 +2,8 @@
 
 use wfl::{Code, Diagnostic, Span};
 use wfl_compiler::ValueLaw;
+use wfl_discrete::value::Value;
+use wfl_output::{LineSample, Located};
 
 use super::{
     Cadence, Every, Parts,
@@ -10,8 +12,6 @@ use super::{
     outputs::{CsvOutput, OutputMaker, Target},
     rule_choice::states_read,
 };
-use wfl_discrete::value::Value;
-use wfl_output::{LineSample, Located};
 
 /// Most points of a series: each has a row in every step.
 const MAX_AT: usize = 1000;

@@ -14,15 +14,6 @@ use wfl_compiler::{
     ValueLaw, compile_value,
     types::{InputSlot, PlaceSig, RateOrder},
 };
-
-use super::{
-    Builder, Parts, RuleChoice,
-    covered::{Asked, Chosen},
-    fields::{global_place, place_sig, support},
-    mappings::{Through, fields_there},
-    rule_choice::states_read,
-    terms::{self, PlacedLaw, Rules},
-};
 use wfl_discrete::{
     assemble::Domain,
     field::{Field, FieldSpace},
@@ -36,6 +27,14 @@ use wfl_mesh::{
     quadrature::{composite, vertex},
 };
 
+use super::{
+    Builder, Parts, RuleChoice,
+    covered::{Asked, Chosen},
+    fields::{global_place, place_sig, support},
+    mappings::{Through, fields_there},
+    rule_choice::states_read,
+    terms::{self, PlacedLaw, Rules},
+};
 use crate::NamedRegion;
 
 /// The update of a state.

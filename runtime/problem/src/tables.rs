@@ -17,9 +17,9 @@ use wfl_compiler::{
     run_prologue,
     types::UniformSlot,
 };
+use wfl_output::Hash;
 
 use super::{Builder, Forcing, Steps, fields::global_place, inputs::InputFile};
-use wfl_output::Hash;
 
 /// Values of the step variable at which arguments are looked at, where the run chooses its steps.
 const SAMPLES: u32 = 1000;

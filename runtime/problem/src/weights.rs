@@ -13,8 +13,6 @@ use wfl_compiler::{
     compile_value_weights, is_affine,
     types::{InputSlot, PlaceSig},
 };
-
-use super::Measured;
 use wfl_discrete::{
     assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
     field::Field,
@@ -22,6 +20,8 @@ use wfl_discrete::{
     value::{Sampled, Value},
 };
 use wfl_mesh::mesh::Mesh;
+
+use super::Measured;
 
 /// The states of the unknowns that an expression may read.
 const READINGS: [Reading; 2] = [Reading::Current, Reading::Previous];

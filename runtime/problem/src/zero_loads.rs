@@ -8,9 +8,9 @@ use std::collections::BTreeSet;
 
 use wfl::{Code, Condition, Diagnostic, each_name};
 use wfl_compiler::types::UniformSlot;
+use wfl_discrete::{assemble::Domain, value::Value, window::Window};
 
 use super::{Builder, Origin, Steps, assemble::Assembled};
-use wfl_discrete::{assemble::Domain, value::Value, window::Window};
 
 /// Values of one formula that are looked at, at most: beyond, a load is taken for one that acts. 2 million are 0.1 s.
 const MOST: usize = 2_000_000;

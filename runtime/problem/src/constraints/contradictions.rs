@@ -6,9 +6,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use wfl::Span;
+use wfl_discrete::window::Window;
 
 use super::{Along, Number, Prescribed};
-use wfl_discrete::window::Window;
 
 /// A number that does not hold because a later statement says another thing of the same displacement.
 pub(super) struct Overruled {

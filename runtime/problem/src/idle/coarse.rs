@@ -13,17 +13,17 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::DMatrix;
 use wfl_compiler::types::FieldKind;
+use wfl_discrete::{
+    field::FieldSpace,
+    system::{FIXED, System},
+};
+use wfl_sparse::csr::Csr;
 
 use super::{
     Candidate,
     directions::Node,
     vectors::{axis, null_space},
 };
-use wfl_discrete::{
-    field::FieldSpace,
-    system::{FIXED, System},
-};
-use wfl_sparse::csr::Csr;
 
 /// A row depends on others if the square of what it has beyond them is below this part of its own: with a hundredth of its
 /// size a multiplier would be a hundred times as large as the tractions that it balances.

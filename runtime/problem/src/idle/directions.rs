@@ -4,13 +4,14 @@
 //! Promises: directions are orthonormal; they are axes of the multiplier where possible, so that no node is rotated
 //! needlessly.
 
+use wfl_discrete::system::{FIXED, System};
+use wfl_sparse::csr::Csr;
+
 use super::{
     super::constraints::{SAME_PLACE, extent},
     Candidate, entry,
     vectors::{NONE, dot, null_space, unit},
 };
-use wfl_discrete::system::{FIXED, System};
-use wfl_sparse::csr::Csr;
 
 /// One node with what its multiplier acts on.
 pub(super) struct Node {

@@ -1,11 +1,10 @@
 //! Where quantities may be sampled: bodies, faces, edges of faces.
 
 use wfl::ast::Place;
-
-use super::{OutputMaker, Target};
 use wfl_discrete::{field::FieldSpace, space::Support};
 use wfl_mesh::mesh::{CellId, RegionSet, SupportSet};
 
+use super::{OutputMaker, Target};
 use crate::{fields::place_sig, regions::NamedRegion};
 
 impl OutputMaker<'_> {

@@ -4,11 +4,10 @@ use std::sync::Arc;
 
 use wfl::{Diagnostic, Span};
 use wfl_compiler::ValueLaw;
-
-use super::{OutputMaker, Target};
 use wfl_discrete::assemble::Domain;
 use wfl_mesh::mesh::SupportSet;
 
+use super::{OutputMaker, Target};
 use crate::{
     mappings::{Through, fields_there, refused},
     rule_choice::states_read,
