@@ -8,8 +8,6 @@ pub mod accuracy;
 pub mod compare;
 pub mod gradient;
 pub mod knobs;
-pub mod results;
-mod run;
 mod savings;
 
 pub use wfl_checks::{self as checks, consistency};
@@ -23,8 +21,8 @@ pub use wfl_host::{input, memory, reading, team};
 pub use wfl_mesh::{element, mesh, quadrature, refine};
 pub use wfl_newton as newton;
 pub use wfl_output as output;
-use wfl_output::bytes;
 use wfl_problem as scene;
+use wfl_run as run;
 pub use wfl_sparse::{csr, solve};
 
 pub use checks::{
@@ -33,11 +31,6 @@ pub use checks::{
 };
 pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
-pub use run::{
-    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Episode, FRUITLESS, Holders, KeptStep, KeptTable, Memory,
-    Outcome, Passed, PassedStep, Path, Progress, Quiet, RunError, RunOptions, RunState, Session, Standing, StepResult,
-    Trajectory, finished, may_begin, run, save,
-};
 pub use savings::{SavingError, savings};
 pub use solve::SolverMemory;
 pub use system::{
@@ -56,3 +49,14 @@ pub use wfl_problem::{
     Steps, TermSummary, VtkOutput, messages_without_mesh, parts, place_of_moving, prepare, prepare_keeping,
     prepare_part, prepare_refined, prepare_sampled, region_name, without_auto,
 };
+pub use wfl_run::{
+    Attempt, AttemptEnd, CHECKPOINT_FILE, CheckpointError, Episode, FRUITLESS, Holders, KeptStep, KeptTable, Memory,
+    Outcome, Passed, PassedStep, Path, Progress, Quiet, RunError, RunOptions, RunState, Session, Standing, StepResult,
+    Trajectory, finished, may_begin, run, save,
+};
+
+/// From the state to result files: which expression is sampled where, and the fields of a scene on the bodies.
+pub mod results {
+    pub use wfl_output::{Item, LineSample, Located, SampledPiece, vtk_cell};
+    pub use wfl_run::{field_cells, field_grid, field_grids};
+}
