@@ -4,25 +4,17 @@
 //! [`run`] solves it. The whole runtime also works on the reference interpreter.
 #![forbid(unsafe_code)]
 
-pub mod accuracy;
-pub mod compare;
-pub mod gradient;
-pub mod knobs;
-mod savings;
-
 pub use wfl_checks::{self as checks, consistency};
 pub use wfl_contact as contact;
 pub use wfl_discrete::{
     assemble, damping, domain, field, finite, frames, longest_step, lumped, point_space, point_values, pruning, rates,
     redistribution, share, space, system,
 };
-use wfl_discrete::{value, window};
+pub use wfl_gradient as gradient;
 pub use wfl_host::{input, memory, reading, team};
 pub use wfl_mesh::{element, mesh, quadrature, refine};
 pub use wfl_newton as newton;
 pub use wfl_output as output;
-use wfl_problem as scene;
-use wfl_run as run;
 pub use wfl_sparse::{csr, solve};
 
 pub use checks::{
@@ -31,12 +23,12 @@ pub use checks::{
 };
 pub use newton::{LinearSolver, Singular};
 pub use pruning::{Pruning, Saving};
-pub use savings::{SavingError, savings};
 pub use solve::SolverMemory;
 pub use system::{
     ActiveSet, Branches, FIXED, Form, FrozenTerm, Known, LinearTerms, Numbering, Past, Residual, StateValues, System,
     SystemError, Tangent,
 };
+pub use wfl_adapt::{SavingError, compare, knobs, savings};
 pub use wfl_discrete::{
     value::{Sampled, Value, uniforms_at},
     window::Window,
@@ -59,4 +51,11 @@ pub use wfl_run::{
 pub mod results {
     pub use wfl_output::{Item, LineSample, Located, SampledPiece, vtk_cell};
     pub use wfl_run::{field_cells, field_grid, field_grids};
+}
+
+/// A demanded accuracy.
+pub mod accuracy {
+    pub use wfl_adapt::accuracy::*;
+    pub use wfl_output::record::*;
+    pub use wfl_problem::demand::*;
 }
