@@ -5,8 +5,9 @@ use std::{
     process::{Command, Output},
 };
 
-use crate::common::exact_norms;
 use serde_json::Value;
+
+use crate::common::exact_norms;
 
 fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples")

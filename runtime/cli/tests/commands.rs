@@ -5,8 +5,9 @@ use std::{
     process::{Command, Output, Stdio},
 };
 
-use crate::common::Folder;
 use serde_json::Value;
+
+use crate::common::Folder;
 
 /// A body pulled at one end, with closed forms: u = 2x/100 at x = 1 is 0.02.
 const ROD: &str = "\

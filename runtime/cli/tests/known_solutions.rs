@@ -8,8 +8,9 @@ use std::{
     process::Command,
 };
 
-use crate::common::side_by_side;
 use serde_json::Value;
+
+use crate::common::side_by_side;
 
 /// What is known of a scene.
 struct Known {

@@ -2,8 +2,9 @@
 
 use std::process::Output;
 
-use crate::common::{Folder, ROUGH_FLOOR};
 use serde_json::Value;
+
+use crate::common::{Folder, ROUGH_FLOOR};
 
 /// A scene with a closed form: a bar of modulus E, spring gamma at its end, traction t: end = t/(E + gamma).
 const BAR: &str = "wfl 1

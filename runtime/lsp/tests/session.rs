@@ -1,7 +1,8 @@
 //! A session of an editor with the server over its pipes: what it is told, and what it gets when it asks.
 
-use crate::common::{Editor, example};
 use serde_json::{Value, json};
+
+use crate::common::{Editor, example};
 
 /// An editor in which a scene and the file that it uses are open.
 fn with_fault(name: &str) -> Editor {

@@ -4,8 +4,9 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use common::{Editor, example};
 use serde_json::json;
+
+use common::{Editor, example};
 
 /// The examples with the longest texts, the longest forms and the most macros.
 const LARGEST: &[&str] = &[

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use crate::common::{Editor, example};
 use serde_json::{Value, json};
+
+use crate::common::{Editor, example};
 
 /// A scene with a mistake in each line that ends in a `#`.
 const MISTAKES: &str = "\

@@ -8,6 +8,13 @@ use wfl_mesh::{
 
 use super::Real;
 
+/// The file of the mesh in the folder of a run with a demanded accuracy.
+pub const MESH_FILE: &str = "accuracy_mesh.vtu";
+/// Its array of the rounds of refinement that divided a cell.
+pub const REFINED: &str = "refined";
+/// Its array of the parts of the error.
+pub const SHARE: &str = "share_of_error";
+
 /// How a mesh is refined: the marked cells, round by round.
 pub type Rounds = Vec<Vec<Mark>>;
 

@@ -36,6 +36,6 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// A setting in words, as on the command line.
 #[must_use]
-pub fn setting_text(setting: &wfl_runtime::knobs::Setting) -> String {
+pub fn setting_text(setting: &wfl_adapt::knobs::Setting) -> String {
     setting.iter().map(|(n, v)| format!("{n}={v}")).collect::<Vec<_>>().join(" ")
 }

@@ -24,7 +24,7 @@ mod ways;
 pub use adjoint::{Indicator, Pair};
 pub use data::{Probed, curvature, probe};
 pub use outcome::{Cost, Extent, Found, Guide, OfData, Out, Short, Trials};
-pub use picture::{MESH_FILE, REFINED, SHARE, mesh_piece};
+pub use picture::mesh_piece;
 pub use search::seek;
 pub use ways::{Role, Wanted, Ways, lean, method_word, work};
 

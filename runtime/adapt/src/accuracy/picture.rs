@@ -3,15 +3,12 @@
 use std::iter;
 
 use wfl_mesh::{mesh::CellId, refine::Descent};
-use wfl_output::{Array, Cells, Piece, vtk_cell};
+use wfl_output::{
+    Array, Cells, Piece,
+    record::{REFINED, SHARE},
+    vtk_cell,
+};
 use wfl_problem::Scene;
-
-/// The file of the mesh in the folder of a run with a demanded accuracy.
-pub const MESH_FILE: &str = "accuracy_mesh.vtu";
-/// Its array of the rounds of refinement that divided a cell.
-pub const REFINED: &str = "refined";
-/// Its array of the parts of the error.
-pub const SHARE: &str = "share_of_error";
 
 /// The mesh of a scene that went through `rounds` rounds of a search. The array [`REFINED`] counts those that divided a
 /// cell or what it was a part of; [`SHARE`] has its part of the estimated error, dimensionless, 1 in sum: `parts` are

@@ -4,8 +4,10 @@
 use std::{path::Path, time::Instant};
 
 use wfl::{NoFiles, SourceMap, resolve};
+use wfl_discrete::pruning::Pruning;
 use wfl_jit::JitBackend;
-use wfl_runtime::{Pruning, Quiet, RunOptions, prepare_keeping, run};
+use wfl_problem::prepare_keeping;
+use wfl_run::{Quiet, RunOptions, run};
 
 /// Measures by name, and the solver in words.
 fn measured(scene: &str, method: &str) -> (Vec<(String, f64)>, String) {

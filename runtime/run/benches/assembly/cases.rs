@@ -2,11 +2,13 @@
 
 use wfl::{Loader, SourceId};
 use wfl_compiler::TermLaw;
-use wfl_runtime::{
-    Scene, System, Window,
+use wfl_discrete::{
     assemble::{BranchCounts, FieldValues},
-    csr::{Csr, PatternBuilder},
+    system::System,
+    window::Window,
 };
+use wfl_problem::Scene;
+use wfl_sparse::csr::{Csr, PatternBuilder};
 
 use crate::common;
 

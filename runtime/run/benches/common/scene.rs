@@ -4,7 +4,7 @@ use std::path::Path;
 
 use wfl::{Diagnostic, Loader, SourceMap, render, resolve};
 use wfl_jit::JitBackend;
-use wfl_runtime::{Scene, prepare};
+use wfl_problem::{Scene, prepare};
 
 /// Reads and compiles a scene to machine code.
 ///

@@ -1,6 +1,6 @@
 //! Assembly of the tangent into an allocated sparse matrix, nine cases, one and two threads.
 //!
-//! `cargo bench -p wfl-runtime --bench assembly` measures with criterion; `-- --table` prints a table within seconds: the
+//! `cargo bench -p wfl-run --bench assembly` measures with criterion; `-- --table` prints a table within seconds: the
 //! best of several passes, thousand entities per second, the goal on one thread, and the ratio of two threads to one. Its
 //! times are processor times of the busiest thread, which other programs on the machine disturb least.
 

@@ -1,6 +1,6 @@
 //! Point laws alone, as assembly runs them: the tangents of the nine cases, in machine code and in the interpreter.
 //!
-//! `cargo bench -p wfl-runtime --bench kernels`; throughput is in points of the quadrature rule. Laws whose entries are
+//! `cargo bench -p wfl-run --bench kernels`; throughput is in points of the quadrature rule. Laws whose entries are
 //! the same at all points need no kernel and do not appear. The time to make machine code is measured beside.
 
 #[expect(dead_code, reason = "assembly is measured elsewhere")]
@@ -17,8 +17,8 @@ use wfl_compiler::{
     backend::KernelBackend,
     ir::{LANES, VerifiedKernel},
 };
+use wfl_discrete::assemble::tangent_kernel;
 use wfl_jit::JitBackend;
-use wfl_runtime::assemble::tangent_kernel;
 
 use cases::{CASES, Problem};
 

@@ -1,6 +1,6 @@
 //! Linear systems of the fault scenes: set-up, solutions while the contact changes, growth with the number of unknowns.
 //!
-//! `cargo bench -p wfl-runtime --bench solve` measures with criterion; `-- --table` prints whole runs of the three
+//! `cargo bench -p wfl-run --bench solve` measures with criterion; `-- --table` prints whole runs of the three
 //! methods by size, `-- --growth` those of one method on five sizes with fitted exponents. Runs have one thread and a
 //! process each, so that the largest memory is that of one size; times are processor times, which other programs on the
 //! machine disturb least.
@@ -17,7 +17,7 @@ use std::{
 };
 
 use criterion::{Criterion, SamplingMode};
-use wfl_runtime::solve::{CheckedLlt, LinearSolver, SolverOptions};
+use wfl_sparse::solve::{CheckedLlt, LinearSolver, SolverOptions};
 
 use fault::{Alternating, Cost};
 

@@ -6,13 +6,12 @@ use std::{
 };
 
 use wfl::{Loader, SourceId};
-use wfl_runtime::{
-    Branches, LinearSolver, Outcome, Progress, RunOptions, Scene, Tangent,
-    newton::Iteration,
-    output::peak_memory_bytes,
-    run,
-    solve::{SolveReport, SolverOptions},
-};
+use wfl_discrete::system::{Branches, Tangent};
+use wfl_newton::{Iteration, LinearSolver};
+use wfl_output::peak_memory_bytes;
+use wfl_problem::Scene;
+use wfl_run::{Outcome, Progress, RunOptions, run};
+use wfl_sparse::solve::{SolveReport, SolverOptions};
 
 use crate::{clock, common};
 
@@ -41,7 +40,7 @@ impl Loader for Fault {
 
 /// The fault with one of its methods, a file of the examples without its ending.
 pub(crate) fn scene(method: &str, cells: [usize; 3]) -> Result<Scene, String> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/fault");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/fault");
     let mut fault = Fault { folder, cells };
     let text = fault.read(&format!("{method}.wfl"))?;
     common::scene(method, text, &mut fault)
@@ -140,7 +139,7 @@ impl Alternating {
     pub(crate) fn new(method: &str, cells: [usize; 3], threads: usize) -> Result<Self, String> {
         let scene = scene(method, cells)?;
         let run_options = RunOptions { keep_states: true, ..RunOptions::without_files(threads, Instant::now()) };
-        let Outcome { steps, .. } = run(&scene, &run_options, &mut wfl_runtime::Quiet).map_err(|e| e.to_string())?;
+        let Outcome { steps, .. } = run(&scene, &run_options, &mut wfl_run::Quiet).map_err(|e| e.to_string())?;
         let [.., before, last] = steps.as_slice() else { return Err("two steps are needed".to_owned()) };
         let states = [before.state.clone(), last.state.clone()];
         let solver = LinearSolver::new(&scene.system, options(threads)).map_err(|e| e.to_string())?;
@@ -167,7 +166,7 @@ impl Alternating {
     }
 
     /// The matrix of the linear terms, free dofs only.
-    pub(crate) fn bulk(&self) -> &wfl_runtime::csr::Csr {
+    pub(crate) fn bulk(&self) -> &wfl_sparse::csr::Csr {
         self.scene.system.bulk()
     }
 }

@@ -5,11 +5,9 @@
 mod common;
 
 use wfl::{Loader, SourceId};
-use wfl_runtime::{
-    Scene,
-    assemble::FieldValues,
-    csr::{Csr, PatternBuilder},
-};
+use wfl_discrete::assemble::FieldValues;
+use wfl_problem::Scene;
+use wfl_sparse::csr::{Csr, PatternBuilder};
 
 /// A scene that uses no other file.
 struct Alone;
@@ -60,7 +58,7 @@ fn made(scene: &mut Scene, u: &[f64], free: &[u32], threads: usize, before: f64)
     let mut matrix = Csr::zeros(pattern.build_shared().expect("a pattern"));
     matrix.values_mut().fill(before);
     system.terms[0].locate(matrix.pattern(), free);
-    system.terms[0].set_step(wfl_runtime::Window::default());
+    system.terms[0].set_step(wfl_discrete::window::Window::default());
     let values = FieldValues { current: &[u], previous: &[], rates: None };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let done = pool.install(|| match before == 0.0 {

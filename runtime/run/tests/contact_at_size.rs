@@ -5,12 +5,13 @@ use std::{path::Path, time::Instant};
 
 use wfl::{NoFiles, SourceMap, resolve};
 use wfl_jit::JitBackend;
-use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, prepare, run};
+use wfl_problem::{Scene, prepare};
+use wfl_run::{Outcome, Quiet, RunOptions, run};
 
-const FAULT: &str = include_str!("../../examples/fault/fault.wfl");
-const PENALTY: &str = include_str!("../../examples/fault/penalty.wfl");
-const NITSCHE: &str = include_str!("../../examples/fault/nitsche.wfl");
-const AUGMENTED: &str = include_str!("../../examples/fault/augmented_lagrangian.wfl");
+const FAULT: &str = include_str!("../../../examples/fault/fault.wfl");
+const PENALTY: &str = include_str!("../../../examples/fault/penalty.wfl");
+const NITSCHE: &str = include_str!("../../../examples/fault/nitsche.wfl");
+const AUGMENTED: &str = include_str!("../../../examples/fault/augmented_lagrangian.wfl");
 
 /// The fault in one text with four steps, a method of contact with what is replaced in it, and a linear solver; without files.
 fn fault(cells: usize, method: &str, edits: &[(&str, &str)], linear: &str) -> String {
@@ -42,8 +43,8 @@ fn outcome(text: &str, threads: usize) -> Outcome {
 
 /// The solver in words, and Newton's iterations and measures by step.
 fn told(outcome: &Outcome) -> (String, Vec<usize>, Vec<Vec<f64>>) {
-    let iterations = |step: &wfl_runtime::StepResult| step.history.iterations.last().map_or(0, |last| last.number);
-    let values = |step: &wfl_runtime::StepResult| step.measures.iter().map(|(_, value)| *value).collect();
+    let iterations = |step: &wfl_run::StepResult| step.history.iterations.last().map_or(0, |last| last.number);
+    let values = |step: &wfl_run::StepResult| step.measures.iter().map(|(_, value)| *value).collect();
     (
         outcome.report.solver.clone().unwrap_or_default(),
         outcome.steps.iter().map(iterations).collect(),
@@ -148,8 +149,8 @@ fn results_have_the_same_bits_for_any_number_of_threads() {
 fn a_small_scene_never_meets_it() {
     let text = fault(8, NITSCHE, &[], "gmres, amg").replace("solver linear with gmres, amg\n", "");
     let scene = prepared(&text);
-    let options = wfl_runtime::solve::SolverOptions::default();
-    let plan = wfl_runtime::newton::LinearSolver::plan(&scene.system, &options).to_string();
+    let options = wfl_sparse::solve::SolverOptions::default();
+    let plan = wfl_newton::LinearSolver::plan(&scene.system, &options).to_string();
     assert!(plan.contains("factored once (LLT)"), "{plan}");
 }
 
