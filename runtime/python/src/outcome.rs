@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::{prelude::*, types::PyDict};
-use wfl_report::{Pages, RunFolder};
 use wfl_contact::ContactPoints;
 use wfl_gradient::{Differentiated, Direction, NearKink, Request, When, gradients, jacobian, tangents};
+use wfl_report::{Pages, RunFolder};
 use wfl_run::save;
 use wfl_tasks::ending::Ending;
 

@@ -3,10 +3,10 @@
 use std::{collections::BTreeSet, path::PathBuf, time::Instant};
 
 use wfl::Diagnostic;
-use wfl_jit::JitBackend;
 use wfl_contact::{ContactPoints, contact_points};
 use wfl_discrete::field::FieldSpace;
 use wfl_gradient::{Differentiated, ahead, settle, stated};
+use wfl_jit::JitBackend;
 use wfl_problem::{Cadence, Equations, Scene};
 use wfl_run::{Outcome, RunError, RunOptions, Session};
 use wfl_tasks::{

@@ -1,4 +1,4 @@
-//! What results follow of explicit steps: the step of `run/explicit.rs`, transposed.
+//! What results follow of explicit steps: the step of `run/src/explicit.rs`, transposed.
 //!
 //! With D the lumped mass and damping, `a = -R/D` at free dofs: the weights of the laws are the derivative in a over -D. What D
 //! follows of parameters is the same in all steps, so that it is asked for once, with the sums over the steps.

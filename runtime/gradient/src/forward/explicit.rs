@@ -1,4 +1,4 @@
-//! What explicit steps do along a direction: the step of `run/explicit.rs`, linearised.
+//! What explicit steps do along a direction: the step of `run/src/explicit.rs`, linearised.
 
 use wfl::Diagnostic;
 use wfl_compiler::types::RateOrder;
