@@ -34,7 +34,7 @@ pub struct Outcome {
     /// What expectations know beside params: the measures and the step variable at the last step, and the numbers of the
     /// events.
     pub known: Vec<(String, f64)>,
-    /// Derivatives that expectations know, once they are found ([`crate::gradient::settle`]).
+    /// Derivatives that expectations know, once they are found (`wfl_gradient::settle`).
     pub derivatives: Vec<(String, Constant)>,
     /// Messages of the expectations.
     pub diagnostics: Vec<Diagnostic>,

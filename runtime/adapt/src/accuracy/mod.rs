@@ -31,7 +31,7 @@ pub use ways::{Role, Wanted, Ways, lean, method_word, work};
 /// The demand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Demand {
-    /// Largest relative error, from [`SMALLEST`] to [`LARGEST`].
+    /// Largest relative error, from [`SMALLEST`](wfl_problem::demand::SMALLEST) to [`LARGEST`](wfl_problem::demand::LARGEST).
     pub error: f64,
     /// The quantity: `L2` or `H1` of all unknowns on cells, an output on contact faces, or a measure, by name.
     pub quantity: String,
