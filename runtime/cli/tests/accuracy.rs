@@ -5,9 +5,8 @@ use std::{
     process::{Command, Output},
 };
 
-use serde_json::Value;
-
 use crate::common::exact_norms;
+use serde_json::Value;
 
 fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples")

@@ -5,9 +5,8 @@ use std::{
     process::{Command, Output, Stdio},
 };
 
-use serde_json::Value;
-
 use crate::common::Folder;
+use serde_json::Value;
 
 /// A body pulled at one end, with closed forms: u = 2x/100 at x = 1 is 0.02.
 const ROD: &str = "\

@@ -1,8 +1,7 @@
 //! `wfl run --gradient` and `wfl verify --gradient`: what is written, told and refused.
 
-use serde_json::Value;
-
 use crate::common::Folder;
+use serde_json::Value;
 
 /// A creeping bar that is pulled: a state, and steps that the run chooses.
 const BAR: &str = "wfl 1\nparam E = 3\nparam eta = 2\nmesh box [0] to [1] cells [4] segment\n\

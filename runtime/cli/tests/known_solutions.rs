@@ -8,9 +8,8 @@ use std::{
     process::Command,
 };
 
-use serde_json::Value;
-
 use crate::common::side_by_side;
+use serde_json::Value;
 
 /// What is known of a scene.
 struct Known {

@@ -2,9 +2,8 @@
 
 use std::process::Output;
 
-use serde_json::Value;
-
 use crate::common::{Folder, ROUGH_FLOOR};
+use serde_json::Value;
 
 /// A scene with a closed form: a bar of modulus E, spring gamma at its end, traction t: end = t/(E + gamma).
 const BAR: &str = "wfl 1

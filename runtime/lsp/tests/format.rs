@@ -2,10 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::common::Editor;
 use serde_json::Value;
 use wfl::{SourceMap, parse};
-
-use crate::common::Editor;
 
 /// Every scene of the examples.
 fn scenes() -> Vec<PathBuf> {

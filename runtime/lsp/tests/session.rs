@@ -1,8 +1,7 @@
 //! A session of an editor with the server over its pipes: what it is told, and what it gets when it asks.
 
-use serde_json::{Value, json};
-
 use crate::common::{Editor, example};
+use serde_json::{Value, json};
 
 /// An editor in which a scene and the file that it uses are open.
 fn with_fault(name: &str) -> Editor {

@@ -4,9 +4,8 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use serde_json::json;
-
 use common::{Editor, example};
+use serde_json::json;
 
 /// The examples with the longest texts, the longest forms and the most macros.
 const LARGEST: &[&str] = &[

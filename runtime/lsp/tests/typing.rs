@@ -2,9 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use serde_json::{Value, json};
-
 use crate::common::{Editor, example};
+use serde_json::{Value, json};
 
 /// A scene with a mistake in each line that ends in a `#`.
 const MISTAKES: &str = "\

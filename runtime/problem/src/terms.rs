@@ -291,7 +291,7 @@ impl<'s> Listed<'s> {
 }
 
 impl Scene {
-    /// The text of a law.
+    /// The text of a law; `None` where the script has no such statement.
     #[must_use]
     pub fn source_of<'s>(&self, script: &'s ResolvedScript, origin: Origin) -> Option<TermSource<'s>> {
         match origin {

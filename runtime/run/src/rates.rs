@@ -363,7 +363,7 @@ impl Mass {
 /// the first step.
 ///
 /// # Errors
-/// [`NewtonError`] where a term, or its tangent, is not finite there.
+/// [`NewtonError`] where the equations cannot be assembled or solved there.
 pub fn mass_at_start(scene: &mut Solving<'_>, u: &[f64], at: Window) -> Result<Mass, NewtonError> {
     if scene.contact.is_empty() {
         let held = tangent(scene, u, at, Branches::AsWritten)?;

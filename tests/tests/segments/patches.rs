@@ -1,12 +1,11 @@
 //! Two blocks pressed together are in a state of constant stress, whatever their meshes.
 
-use wfl_tests::Solved;
-
 use super::{
     blocks::{Blocks, Cells},
     messages, solved,
 };
 use Cells::{Hexahedra, Pyramids, Quadrilaterals, Tetrahedra, Triangles, Wedges};
+use wfl_tests::Solved;
 
 const PRESS: f64 = 0.02;
 const GAMMA: f64 = 40.0;

@@ -1,8 +1,7 @@
 //! Bodies that collide and slide with inertia: momentum, the balance of energy, steps that the run chooses.
 
-use wfl_tests::doubts;
-
 use super::{measure, solved};
+use wfl_tests::doubts;
 
 /// A block that flies slantwise onto a longer one, which is free, too. Closest points, a penalty along the normal of the image:
 /// its force is the gradient of an energy.
