@@ -115,7 +115,7 @@ def run_peer(peer, *words):
 def build_wfl():
     """Builds the command and the benchmark."""
     call("cargo", "build", "--release", "-p", "wfl-cli", cwd=ROOT)
-    call("cargo", "bench", "-p", "wfl-runtime", "--bench", "assembly", "--no-run", cwd=ROOT)
+    call("cargo", "bench", "-p", "wfl-run", "--bench", "assembly", "--no-run", cwd=ROOT)
 
 
 def built_bench():

@@ -14,7 +14,7 @@
 //! no element has smoothed them. `docs/quadrature.md` has what these rules cost and what they leave.
 //!
 //! **Kinks** that depend on the unknowns add 2 once: where the contact set cuts a facet no rule is exact. Facets with such
-//! terms have another rule than that of this degree unless they are mapped (`runtime/src/scene/face_rules.rs`).
+//! terms have another rule than that of this degree unless they are mapped (`runtime/problem/src/face_rules.rs`).
 //!
 //! **The geometry.** Where the map `x(r)` from the reference entity is not affine, the measure and the cofactors of its
 //! gradient `J` are polynomials. With `x` of degree `g` (1 for straight edges, 2 for second-order cells) in a cell of

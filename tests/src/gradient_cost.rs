@@ -3,12 +3,10 @@
 
 use std::time::Instant;
 
+use wfl_gradient::{Differentiated, Request, gradients};
 use wfl_jit::JitBackend;
-use wfl_runtime::{
-    Passed, PassedStep, Quiet, RunOptions,
-    gradient::{Differentiated, Request, gradients},
-    prepare, run,
-};
+use wfl_problem::prepare;
+use wfl_run::{Passed, PassedStep, Quiet, RunOptions, run};
 
 use crate::{examples, script_and_messages};
 

@@ -19,12 +19,10 @@ use std::path::{Path, PathBuf};
 
 use wfl::{Diagnostic, Loader, Override, ResolvedScript, SourceId, SourceMap, parse_expr, render, resolve};
 use wfl_compiler::backend::KernelBackend;
+use wfl_gradient::{Differentiated, Gradients, Request, gradients, settle};
 use wfl_jit::JitBackend;
-use wfl_runtime::{
-    Outcome, Quiet, RunOptions, Scene,
-    gradient::{Differentiated, Gradients, Request, gradients, settle},
-    prepare, run,
-};
+use wfl_problem::{Scene, prepare};
+use wfl_run::{Outcome, Quiet, RunOptions, run};
 
 /// Files by name, changed by text replacements on the way.
 struct Edited<'a> {

@@ -7,8 +7,10 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use wfl::{NoFiles, SourceMap, resolve};
+use wfl_discrete::{assemble::products_per_second, window::Window};
 use wfl_jit::JitBackend;
-use wfl_runtime::{Window, assemble::products_per_second, prepare, solve::Operator};
+use wfl_problem::prepare;
+use wfl_sparse::solve::Operator;
 
 /// A body of one material.
 #[derive(Clone, Copy, Debug)]

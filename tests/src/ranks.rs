@@ -5,14 +5,14 @@
 use std::{path::Path, sync::Arc, time::Instant};
 
 use wfl::ResolvedScript;
+use wfl_host::team::{Alone, Team, in_threads};
 use wfl_jit::JitBackend;
-use wfl_runtime::{
-    Outcome, Quiet, RunError, RunOptions, Scene, ScenePart,
+use wfl_mesh::mesh::Part;
+use wfl_problem::{Scene, ScenePart, prepare, prepare_part};
+use wfl_run::{Outcome, Quiet, RunError, RunOptions, run};
+use wfl_sparse::{
     csr::Csr,
-    mesh::Part,
-    prepare, prepare_part, run,
     solve::{CheckedLu, Engine, Equations, Library, LinearSolver, Linked, SolveError, SolverOptions, Symmetry, Traits},
-    team::{Alone, Team, in_threads},
 };
 
 use super::{examples, script_and_messages};

@@ -3,7 +3,8 @@
 use std::time::Instant;
 
 use wfl_jit::JitBackend;
-use wfl_runtime::{AttemptEnd, Outcome, Quiet, RunOptions, Scene, Session, run};
+use wfl_problem::Scene;
+use wfl_run::{AttemptEnd, Outcome, Quiet, RunOptions, Session, run};
 use wfl_tests::{doubts, prepared};
 
 fn scene(text: &str) -> Scene {
@@ -244,7 +245,7 @@ fn a_sudden_load_is_met_by_shorter_steps_and_rejected_attempts_are_listed() {
                 term on all : (Dot_u + u - (if v > 1 then 1 else 0))*Test_u\n\
                 steps t = 0 to 2 by auto with error=1e-4\nmeasure m = mean(u) on all\nmeasure i = mean(s) on all\n";
     let outcome = outcome(text);
-    let rejected = |s: &&wfl_runtime::StepResult| s.attempts.iter().any(|a| matches!(a.end, AttemptEnd::Rejected(_)));
+    let rejected = |s: &&wfl_run::StepResult| s.attempts.iter().any(|a| matches!(a.end, AttemptEnd::Rejected(_)));
     let first = outcome.steps.iter().find(rejected).expect("a rejected attempt");
     assert!(first.window.end <= 1.01, "{}", first.window.end);
     let last = outcome.steps.last().unwrap();
@@ -263,7 +264,7 @@ fn a_load_that_jumps_over_time_is_met_exactly() {
                 steps t = 0 to 2 by auto with error=1e-4\nmeasure m = max(u) on all\n";
     let outcome = outcome(text);
     assert!(outcome.steps.iter().any(|s| s.window.end == 1.0 && s.measures[0].1 == 0.0));
-    let rejected = |a: &wfl_runtime::Attempt| matches!(a.end, AttemptEnd::Rejected(_));
+    let rejected = |a: &wfl_run::Attempt| matches!(a.end, AttemptEnd::Rejected(_));
     assert!(!outcome.steps.iter().flat_map(|s| &s.attempts).any(rejected));
     let last = outcome.steps.last().unwrap().measures[0].1;
     assert!((last - (1.0 - (-1.0f64).exp())).abs() < 0.002, "{last}");
@@ -378,7 +379,7 @@ fn a_fault_with_inertia_is_run_by_auto() {
         assert!(made.contains(&steps));
         let outcome = outcome(&made);
         assert!(outcome.expectations.iter().all(|(_, holds)| *holds == Some(true)), "{:?}", outcome.events);
-        let begins = |(_, episodes): &(String, Vec<wfl_runtime::Episode>)| episodes[0].begin;
+        let begins = |(_, episodes): &(String, Vec<wfl_run::Episode>)| episodes[0].begin;
         let errors = outcome.events.iter().map(begins).zip(exact).map(|(t, e): (f64, f64)| (t / e - 1.0).abs());
         (errors.fold(0.0, f64::max), outcome.steps.len())
     };

@@ -1,7 +1,7 @@
 //! Two bodies in one field that nothing connects are solved as if each had a field of its own: beside a load of 1e7 on one, the
 //! other is in balance with its own load, and its digits are its own.
 
-use wfl_runtime::gradient::Gradients;
+use wfl_gradient::Gradients;
 use wfl_tests::{
     Solved, differentiated, examples,
     ranks::{self, Holding, Shared},

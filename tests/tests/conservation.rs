@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use wfl_runtime::Outcome;
+use wfl_run::Outcome;
 use wfl_tests::{
     doubts,
     ranks::{self, Holding, Shared},

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use wfl_runtime::Outcome;
+use wfl_run::Outcome;
 use wfl_tests::{
     attempt, differentiated, doubts, examples,
     ranks::{self, Holding, Shared},

@@ -3,11 +3,9 @@
 
 use std::path::Path;
 
-use wfl_runtime::{
-    Outcome,
-    assemble::FieldValues,
-    output::{Piece, VtkCell},
-};
+use wfl_discrete::assemble::FieldValues;
+use wfl_output::{Piece, VtkCell};
+use wfl_run::Outcome;
 use wfl_tests::{
     ranks::{self, Holding, Shared},
     reference, refused, solved,
@@ -138,7 +136,7 @@ fn fields_on_edges_are_written_and_have_values_at_points() {
         let pieces: Vec<Piece> = found.scene.vtk[0]
             .pieces
             .iter()
-            .map(|piece| piece.written(piece.sample(&system.mesh, wfl_runtime::Window::default(), values)))
+            .map(|piece| piece.written(piece.sample(&system.mesh, wfl_discrete::window::Window::default(), values)))
             .collect();
         let lines =
             pieces.iter().find(|piece| piece.point_data.iter().any(|array| array.name == "pc")).expect("a piece");

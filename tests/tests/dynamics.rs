@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use wfl_runtime::StepResult;
+use wfl_run::StepResult;
 use wfl_tests::{Solved, examples, solve};
 
 /// Schemes with their orders.

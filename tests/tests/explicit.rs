@@ -3,8 +3,9 @@
 
 use std::f64::consts::PI;
 
+use wfl_host::team::in_threads;
 use wfl_jit::JitBackend;
-use wfl_runtime::{RunOptions, Session, team::in_threads};
+use wfl_run::{RunOptions, Session};
 use wfl_tests::{Solved, doubts, examples, prepared, reference, solve};
 
 fn run(text: String) -> Solved {
@@ -279,8 +280,8 @@ fn a_session_makes_explicit_steps_with_the_bits_of_a_run_and_no_equations_to_sol
     let options = RunOptions::without_files(1, std::time::Instant::now());
     let mut session = Session::new(&scene, options).expect("a session");
     assert!(session.begin(&scene, 0.0).is_err());
-    while session.step(&scene, &mut wfl_runtime::Quiet).expect("a step").is_some() {}
-    let bits = |steps: &[wfl_runtime::StepResult]| steps.iter().map(|s| s.measures[0].1.to_bits()).collect::<Vec<_>>();
+    while session.step(&scene, &mut wfl_run::Quiet).expect("a step").is_some() {}
+    let bits = |steps: &[wfl_run::StepResult]| steps.iter().map(|s| s.measures[0].1.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(session.steps()), bits(&whole.outcome.steps));
 }
 
@@ -293,7 +294,7 @@ fn ranks_make_the_steps_of_one() {
                 steps t = 0 to 0.5 by auto\nmeasure m = integral(u.u + x*Dot_u(1)) on all\n";
     let whole = run(text.to_owned());
     // unknowns have the bits of one rank, sums over all ranks are rounded otherwise
-    let found = |steps: &[wfl_runtime::StepResult]| -> (Vec<u64>, Vec<f64>) {
+    let found = |steps: &[wfl_run::StepResult]| -> (Vec<u64>, Vec<f64>) {
         let last = steps.last().expect("steps");
         let measures = steps.iter().flat_map(|s| s.measures.iter().map(|m| m.1));
         (last.state.iter().map(|x| x.to_bits()).collect(), measures.collect())
@@ -308,7 +309,7 @@ fn ranks_make_the_steps_of_one() {
                     let mut scene = prepared(&examples(), text.to_owned(), &[], &[], &backend).expect("a scene");
                     scene.share_rows(team).expect("fits");
                     let options = RunOptions::without_files(1, std::time::Instant::now());
-                    wfl_runtime::run(&scene, &options, &mut wfl_runtime::Quiet).expect("a run").steps
+                    wfl_run::run(&scene, &options, &mut wfl_run::Quiet).expect("a run").steps
                 })
             });
             let each: Vec<_> = each.collect();

@@ -4,7 +4,7 @@
 
 use std::{fmt::Write as _, fs, path::Path};
 
-use wfl_runtime::mesh::{BoxShape, Mesh, generate_box};
+use wfl_mesh::mesh::{BoxShape, Mesh, generate_box};
 use wfl_tests::{
     blocks::{LAWS, measures, scene},
     solve,

@@ -219,7 +219,7 @@ fn files_have_the_pressure_on_the_faces_of_a_mapping() {
     let pieces: Vec<_> = output
         .pieces
         .iter()
-        .map(|p| p.sample(&scene.system.mesh, wfl_runtime::Window::new(1.0, 1.0), values.view()))
+        .map(|p| p.sample(&scene.system.mesh, wfl_discrete::window::Window::new(1.0, 1.0), values.view()))
         .collect();
     let [piece] = pieces.as_slice() else { panic!("one region of faces has both") };
     let array = |name: &str| piece.cell_data.iter().find(|a| a.name == name).expect("an array");

@@ -3,7 +3,8 @@
 //! References: tests/reference/fracture_flow.json (scikit-fem, and closed forms) and the eigenfunctions of the
 //! Laplace-Beltrami operator on circle, cylinder and sphere.
 
-use wfl_runtime::{assemble::FieldValues, output::Array};
+use wfl_discrete::assemble::FieldValues;
+use wfl_output::Array;
 use wfl_tests::{MeshFolder, Solved, examples, reference, refused, solve, solved};
 
 /// What is polynomial comes out to this.
@@ -295,7 +296,7 @@ fn one_value_a_face_is_cell_data() {
     let (system, state) = (&found.scene.system, &found.outcome.steps[0].state);
     let (current, previous) = (system.slices(state), system.previous_slices());
     let values = FieldValues { current: &current, previous: &previous, rates: None };
-    let piece = found.scene.vtk[0].pieces[0].sample(&system.mesh, wfl_runtime::Window::default(), values);
+    let piece = found.scene.vtk[0].pieces[0].sample(&system.mesh, wfl_discrete::window::Window::default(), values);
     let names = |arrays: &[Array]| arrays.iter().map(|a| a.name.clone()).collect::<Vec<_>>();
     assert_eq!(
         (names(&piece.point_data), names(&piece.cell_data)),

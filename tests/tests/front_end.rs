@@ -94,7 +94,11 @@ fn every_page_has_a_code_that_is_given() {
         "runtime/contact/src",
         "runtime/newton/src",
         "runtime/checks/src",
-        "runtime/src",
+        "runtime/output/src",
+        "runtime/problem/src",
+        "runtime/run/src",
+        "runtime/gradient/src",
+        "runtime/adapt/src",
         "runtime/tasks/src",
         "runtime/cli/src",
     ] {

@@ -51,8 +51,8 @@ fn an_inclined_fault_of_thirty_degrees_is_in_equilibrium() {
             let state = found.outcome.steps[step].state.clone();
             let time = found.outcome.steps[step].window.end;
             let system = &mut found.scene.system;
-            system.begin_step(wfl_runtime::Window::new(time, 0.5)).expect("assembles");
-            let residual = system.residual(&state, &wfl_runtime::Form::AS_WRITTEN).expect("assembles").values;
+            system.begin_step(wfl_discrete::window::Window::new(time, 0.5)).expect("assembles");
+            let residual = system.residual(&state, &wfl_discrete::system::Form::AS_WRITTEN).expect("assembles").values;
             // the residual at fixed dofs is what holds the blocks; loads: 3 on 16 square metres, t on the top of `right`
             let mut reaction = [0.0; 3];
             for k in (0..system.fields.len()).filter(|k| system.fields[*k].name.starts_with('u')) {
@@ -94,9 +94,8 @@ fn an_inclined_interface_in_a_mesh_file_passes_the_patch_test() {
 #[test]
 fn a_large_mesh_file_is_read_quickly() {
     let n = if cfg!(debug_assertions) { 8 } else { 32 };
-    let mesh =
-        wfl_runtime::mesh::generate_box([0.0; 3], [1.0; 3], [n, n, n], 3, wfl_runtime::mesh::BoxShape::Tetrahedron)
-            .expect("a box");
+    let mesh = wfl_mesh::mesh::generate_box([0.0; 3], [1.0; 3], [n, n, n], 3, wfl_mesh::mesh::BoxShape::Tetrahedron)
+        .expect("a box");
     let mut text = String::from("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n");
     text += &format!("$Nodes\n{}\n", mesh.n_nodes());
     for (k, x) in mesh.nodes().iter().enumerate() {
@@ -111,7 +110,7 @@ fn a_large_mesh_file_is_read_quickly() {
     let path = std::env::temp_dir().join(format!("wfl-large-{}.msh", std::process::id()));
     std::fs::write(&path, text).expect("a temporary file");
     let begin = std::time::Instant::now();
-    let read = wfl_runtime::mesh::read::mesh_of(&std::fs::read(&path).expect("the file"));
+    let read = wfl_mesh::mesh::read::mesh_of(&std::fs::read(&path).expect("the file"));
     let seconds = begin.elapsed().as_secs_f64();
     let _ = std::fs::remove_file(&path);
     let read = read.expect("a mesh");

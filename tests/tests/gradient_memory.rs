@@ -2,10 +2,8 @@
 
 use std::path::Path;
 
-use wfl_runtime::{
-    PassedStep, RunOptions,
-    gradient::{Direction, Gradients, Request, Tangents, gradients, tangents},
-};
+use wfl_gradient::{Direction, Gradients, Request, Tangents, gradients, tangents};
+use wfl_run::{PassedStep, RunOptions};
 use wfl_tests::ran_with;
 
 /// A body on springs that is pulled up and down: friction with a memory, a state, and a rate.

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use wfl_runtime::gradient::Gradients;
+use wfl_gradient::Gradients;
 use wfl_tests::{
     differentiated,
     driven::{DRIVEN_BLOCKS, write_path},

@@ -25,7 +25,7 @@ fn bar(n: u32, scheme: &str) -> String {
 /// The largest distance of the pressure from that of the wave, v0 sqrt(E rho) = 300, as a part of it, once the sharp front
 /// has gone and until it comes back after 2/3.
 fn oscillation(solved: &Solved) -> f64 {
-    let during = |(k, step): (usize, &wfl_runtime::StepResult)| {
+    let during = |(k, step): (usize, &wfl_run::StepResult)| {
         (0.2..0.6).contains(&step.window.end).then(|| (solved.measure(k, "pressure") / 300.0 - 1.0).abs())
     };
     solved.outcome.steps.iter().enumerate().filter_map(during).fold(0.0, f64::max)
@@ -130,7 +130,7 @@ fn two_bodies_collide() {
         )
     };
     let worst = |solved: &Solved| {
-        let during = |(k, step): (usize, &wfl_runtime::StepResult)| {
+        let during = |(k, step): (usize, &wfl_run::StepResult)| {
             (0.6..1.4).contains(&step.window.end).then(|| (2.0 * solved.measure(k, "pressure") - 1.0).abs())
         };
         solved.outcome.steps.iter().enumerate().filter_map(during).fold(0.0, f64::max)

@@ -3,7 +3,8 @@
 use std::time::Instant;
 
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::{Pruning, Quiet, RunOptions, StepResult, run};
+use wfl_discrete::pruning::Pruning;
+use wfl_run::{Quiet, RunOptions, StepResult, run};
 use wfl_tests::{
     examples,
     mutants::{Mutant, Verdict, audit, idle_statements, judge, mutant, ready, seeds},

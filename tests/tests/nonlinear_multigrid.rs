@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use wfl_runtime::{Outcome, RunOptions};
+use wfl_run::{Outcome, RunOptions};
 use wfl_tests::{attempt_with, examples};
 
 /// What a body is made of, and how it is held.
@@ -50,8 +50,8 @@ fn outcome(text: &str, threads: usize) -> Outcome {
 
 /// The solver in words, Newton's iterations by step, and measures by step.
 fn told(outcome: &Outcome) -> (String, Vec<usize>, Vec<Vec<f64>>) {
-    let iterations = |step: &wfl_runtime::StepResult| step.history.iterations.last().map_or(0, |last| last.number);
-    let values = |step: &wfl_runtime::StepResult| step.measures.iter().map(|(_, value)| *value).collect();
+    let iterations = |step: &wfl_run::StepResult| step.history.iterations.last().map_or(0, |last| last.number);
+    let values = |step: &wfl_run::StepResult| step.measures.iter().map(|(_, value)| *value).collect();
     (
         outcome.report.solver.clone().unwrap_or_default(),
         outcome.steps.iter().map(iterations).collect(),

@@ -8,7 +8,7 @@ use std::{collections::BTreeMap, fmt::Write as _, path::Path};
 use rayon::prelude::*;
 use wfl::{Diagnostic, Loader, SourceId, SourceMap, one_per_cause, resolve};
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::prepare;
+use wfl_problem::prepare;
 use wfl_tests::{examples, files};
 
 /// Not scenes by themselves, or with so many cells that reading them takes seconds.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use wfl_runtime::gradient::{Gradients, Request, gradients};
+use wfl_gradient::{Gradients, Request, gradients};
 use wfl_tests::{driven::DRIVEN_BLOCKS, ran};
 
 /// The driven blocks in coarser cells; they stick up to `d = 3 fric p/mu` and slip by the rest beyond. At the onset itself,

@@ -4,7 +4,7 @@
 //! Whether a tangent is symmetric decides what is stored of it and how it is factored; the largest entry, which is that of the
 //! stiff unknown, says nothing of a coupling of one.
 
-use wfl_runtime::gradient::Gradients;
+use wfl_gradient::Gradients;
 use wfl_tests::{Solved, differentiated, examples, solved};
 
 fn assert_near(what: &str, is: f64, should: f64, within: f64) {

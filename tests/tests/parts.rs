@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use wfl_runtime::{Outcome, Scene, output::Piece};
+use wfl_output::Piece;
+use wfl_problem::Scene;
+use wfl_run::Outcome;
 use wfl_tests::{
     examples,
     ranks::{Holding, Shared, run_with_gathered, solved, solved_keeping},

@@ -8,11 +8,11 @@
 use std::path::Path;
 
 use wfl_jit::JitBackend;
-use wfl_runtime::{
-    RuleChoice,
+use wfl_mesh::{
     element::{Element, Family},
     mesh::{BoxShape, CellKind, Mesh, generate_box},
 };
+use wfl_problem::RuleChoice;
 use wfl_tests::{MeshFolder, Solved, prepared, solve};
 
 /// Displacements and stresses are met to this part of the largest.

@@ -347,7 +347,7 @@ fn example(path: &str) -> Solved {
 
 /// Of a run the step that ends at a time.
 fn step_at(found: &Solved, time: f64) -> usize {
-    let ends = |s: &wfl_runtime::StepResult| (s.window.end / time - 1.0).abs() < 1e-9;
+    let ends = |s: &wfl_run::StepResult| (s.window.end / time - 1.0).abs() < 1e-9;
     found.outcome.steps.iter().position(ends).unwrap_or_else(|| panic!("no step ends at {time}"))
 }
 

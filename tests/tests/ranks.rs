@@ -2,8 +2,14 @@
 
 use std::path::Path;
 
+use wfl_discrete::{
+    system::{Branches, Form, LinearTerms},
+    window::Window,
+};
+use wfl_host::team::in_threads;
 use wfl_jit::JitBackend;
-use wfl_runtime::{Branches, Form, LinearTerms, Scene, Window, csr::Csr, team::in_threads};
+use wfl_problem::Scene;
+use wfl_sparse::csr::Csr;
 use wfl_tests::prepared;
 
 /// What the ranks have together.

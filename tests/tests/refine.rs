@@ -4,13 +4,12 @@ use std::path::Path;
 
 use wfl::{Override, SourceMap, Unloaded, resolve};
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::{
-    Prepared, Quiet, RunOptions, Scene,
+use wfl_mesh::{
     mesh::{CellId, Mesh, RegionSet, facet_measures},
-    prepare_refined,
     refine::{Axes, Mark},
-    run,
 };
+use wfl_problem::{Prepared, Scene, prepare_refined};
+use wfl_run::{Quiet, RunOptions, run};
 use wfl_tests::{examples, solve};
 
 /// No file beside the scene.

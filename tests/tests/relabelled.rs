@@ -4,7 +4,7 @@
 
 use std::{fmt::Write as _, fs, path::Path};
 
-use wfl_runtime::mesh::{BoxShape, CellKind, Mesh, generate_box};
+use wfl_mesh::mesh::{BoxShape, CellKind, Mesh, generate_box};
 use wfl_tests::{
     Sequence,
     blocks::{LAWS, measures, scene},

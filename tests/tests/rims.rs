@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use wfl_runtime::Outcome;
+use wfl_run::Outcome;
 use wfl_tests::{
     MeshFolder,
     ranks::{self, Holding, Shared},

@@ -1,6 +1,8 @@
 //! A run that does not give up: steps in parts, and what is said of them.
 
-use wfl_runtime::{AttemptEnd, Others, Path, newton::Method};
+use wfl_checks::Others;
+use wfl_newton::Method;
+use wfl_run::{AttemptEnd, Path};
 use wfl_tests::{Solved, attempt, doubts, examples, solve};
 
 /// exp(d) - 1 = load: a Newton step from 0 goes to d = load, and only about 1 back in each iteration, so that large

@@ -11,14 +11,12 @@ use std::{
 };
 
 use wfl_compiler::InterpreterBackend;
+use wfl_contact::{ContactPoints, PointState, contact_points};
+use wfl_discrete::{system::FIXED, window::Window};
 use wfl_jit::JitBackend;
-use wfl_runtime::{
-    Equations, FIXED, Outcome, Progress, Quiet, RunError, RunOptions, Scene, Session, Window,
-    contact::{ContactPoints, PointState, contact_points},
-    newton::NewtonError,
-    results::field_grids,
-    run, save,
-};
+use wfl_newton::NewtonError;
+use wfl_problem::{Equations, Scene};
+use wfl_run::{Outcome, Progress, Quiet, RunError, RunOptions, Session, field_grids, run, save};
 use wfl_tests::{Sequence, prepared};
 
 fn examples() -> PathBuf {
@@ -93,7 +91,7 @@ fn steps_one_by_one_have_the_bits_of_a_run() {
 }
 
 /// Solves K x = r with a dense factor.
-fn solved(matrix: &wfl_runtime::csr::Csr, r: &[f64]) -> Vec<f64> {
+fn solved(matrix: &wfl_sparse::csr::Csr, r: &[f64]) -> Vec<f64> {
     let n = r.len();
     let mut a = vec![vec![0.0; n + 1]; n];
     for (i, row) in a.iter_mut().enumerate() {

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use wfl_runtime::gradient::{Direction, Gradients, tangents};
+use wfl_gradient::{Direction, Gradients, tangents};
 use wfl_tests::{MeshFolder, differentiated, driven::write_path, ran, reference, solve, solved};
 
 fn of(text: &str, results: &str, with: &str) -> Gradients {

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use wfl_runtime::gradient::{Request, ahead, gradients};
+use wfl_gradient::{Request, ahead, gradients};
 use wfl_tests::{ran, refused, solve, solved};
 
 /// A body with a rate, a state, data, loads and prescribed values; what cases put in the place of its parts has `p` in it.

@@ -2,8 +2,10 @@
 
 use std::{path::Path, time::Instant};
 
+use wfl_discrete::pruning::Pruning;
 use wfl_jit::JitBackend;
-use wfl_runtime::{Outcome, Pruning, Quiet, RunOptions, Scene, Session, prepare_keeping, run};
+use wfl_problem::{Scene, prepare_keeping};
+use wfl_run::{Outcome, Quiet, RunOptions, Session, run};
 use wfl_tests::{
     ranks::{Holding, Shared, solved},
     script_and_messages,

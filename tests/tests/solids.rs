@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use wfl_runtime::mesh::CellKind;
+use wfl_mesh::mesh::CellKind;
 use wfl_tests::{MeshFolder, Solved, solve};
 
 /// Displacements and stresses are met to this part of the largest.
@@ -161,7 +161,7 @@ fn a_constant_pressure_passes_through_the_triangles_of_pyramids() {
             .replace("gamma = 1000", "gamma = 1e4");
         let found = solved(&format!("pyramids{theta}"), SOLIDS, &scene);
         let mesh = &found.scene.system.mesh;
-        let on_fault = |t: &wfl_runtime::assemble::AssembledTerm| t.law.name == "contact";
+        let on_fault = |t: &wfl_discrete::assemble::AssembledTerm| t.law.name == "contact";
         let terms = found.scene.system.terms.iter().filter(|t| on_fault(t));
         let facets = terms.flat_map(|t| &t.integrator.domain.groups).flat_map(|g| &g.here.facets);
         let pyramids = facets.filter(|f| mesh.kind(f.cell) == CellKind::Pyramid).count();
@@ -259,7 +259,7 @@ fn small_strains_of_laws_of_finite_strain_have_the_digits_that_are_told() {
                 let exact = solved("linear", load, stiff).measure(0, "sag");
                 let apart = (found.measure(0, "sag") - exact).abs() / exact.abs();
                 // beside the digits the law differs from linear elasticity by about the strain
-                let digits = step.accuracy.as_ref().map_or(0.0, wfl_runtime::checks::Accuracy::digits);
+                let digits = step.accuracy.as_ref().map_or(0.0, wfl_checks::Accuracy::digits);
                 let bound = 10f64.powf(-digits) * 10.0 + 100.0 * load;
                 assert!(apart <= bound, "{law} {load} {stiff}: {apart:e} apart, {digits} digits told");
             }

@@ -8,7 +8,9 @@ use std::{
 use proptest::prelude::*;
 use wfl_compiler::InterpreterBackend;
 use wfl_jit::JitBackend;
-use wfl_runtime::{Progress, Quiet, RunError, RunOptions, Scene, Session, Standing, StepResult, newton::NewtonError};
+use wfl_newton::NewtonError;
+use wfl_problem::Scene;
+use wfl_run::{Progress, Quiet, RunError, RunOptions, Session, Standing, StepResult};
 use wfl_tests::{fuzz::Random, prepared};
 
 /// Steps of a scene that are looked at.

@@ -9,7 +9,8 @@ use wfl_compiler::{
     lookup::{Reading, read},
 };
 use wfl_jit::JitBackend;
-use wfl_runtime::{Outcome, Quiet, RunOptions, Scene, run};
+use wfl_problem::Scene;
+use wfl_run::{Outcome, Quiet, RunOptions, run};
 use wfl_tests::{Sequence, attempt, prepared};
 
 /// A folder with one file, which goes with the test.

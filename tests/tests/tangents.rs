@@ -4,11 +4,11 @@
 use std::path::Path;
 
 use wfl::{Diagnostic, FieldKind};
-use wfl_jit::JitBackend;
-use wfl_runtime::gradient::{
+use wfl_gradient::{
     Differentiated, Direction, Gradient, Mode, Request, WantedResult, When, gradients, jacobian_by, not_together,
     tangents,
 };
+use wfl_jit::JitBackend;
 use wfl_tests::{Sequence, examples, prepared, ran, scene_files, script_and_messages, side_by_side, solve};
 
 /// Forward and adjoint agree within this part of the derivative, or of the result over the parameter, ...

@@ -1,7 +1,7 @@
 //! Cells turned inside out (W616), contact zones below a face (W617), loads that their rules do not resolve (W512) and
 //! nearly incompressible bodies of degree 1 (W513), against states and numbers made by hand.
 
-use wfl_runtime::checks::locked_bodies;
+use wfl_checks::locked_bodies;
 use wfl_tests::{Solved, doubts, examples, solve};
 
 fn solved(text: &str) -> Solved {

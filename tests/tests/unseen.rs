@@ -1,7 +1,7 @@
 //! Scenes as a stranger writes them from the pages, for cases that no example has: dipping faults, slip rates written
 //! directly over whole earthquake cycles, contact near the limit of explicit steps, floors with a normal of their own.
 
-use wfl_runtime::consistency::Verdict;
+use wfl_checks::consistency::Verdict;
 use wfl_tests::{Solved, doubts, examples, solve};
 
 fn run(text: &str) -> Solved {

@@ -4,13 +4,15 @@
 use std::{path::Path, sync::Arc};
 
 use wfl::{NoFiles, SourceMap, resolve};
+use wfl_discrete::{
+    system::{Branches, System},
+    window::Window,
+};
 use wfl_jit::JitBackend;
-use wfl_runtime::{
-    Scene, System, Window,
+use wfl_problem::{Scene, prepare};
+use wfl_sparse::{
     csr::Csr,
-    prepare,
     solve::{CheckedMultigrid, NodeLayout, Operator, OperatorLevels, SolverOptions},
-    system::Branches,
 };
 
 /// A scene before its first step.
@@ -261,7 +263,7 @@ fn nodes_with_frames() {
 /// The residual of all dofs, prescribed ones included, is that with a matrix.
 #[test]
 fn residuals_and_reactions() {
-    use wfl_runtime::system::Form;
+    use wfl_discrete::system::Form;
     let text = "mesh box [0,0,0] to [1,1,1] cells [3,3,3] tet\nregion left = faces where x == 0\nunknown u : vector P2\n\
         term elastic on all : (300*Div_u*Id(3) + 800*Sym(Grad_u)):Grad_Test_u\nfix u = [0,0,0.1] on left\n\
         load u = [0,0,-1] on all\n";
@@ -398,8 +400,8 @@ fn a_tangent_stays_when_another_one_is_made() {
     assert_eq!(product(&*first), before);
     let second = product(&*tangent.operator().expect("an operator"));
     assert!(second != before);
-    let residual = system.residual(&moved(0.1), &wfl_runtime::system::Form::AS_WRITTEN).expect("finite");
-    let sizes = |tangent: &wfl_runtime::system::Tangent| system.sizes(&moved(0.1), &residual, tangent);
+    let residual = system.residual(&moved(0.1), &wfl_discrete::system::Form::AS_WRITTEN).expect("finite");
+    let sizes = |tangent: &wfl_discrete::system::Tangent| system.sizes(&moved(0.1), &residual, tangent);
     let of_second = sizes(&tangent);
     assert!(tangent.recall(&memory) && tangent.operator().is_none());
     assert!(sizes(&tangent) != of_second);

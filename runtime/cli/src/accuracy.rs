@@ -2,12 +2,11 @@
 
 use std::{process::ExitCode, time::Instant};
 
+use wfl_adapt::accuracy::{Demand, Out, Short, Ways};
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{
-    Outcome, Scene,
-    accuracy::{AccuracyRecord, Demand, Out, Short, Ways},
-    output::REPORT_FILE,
-};
+use wfl_output::{REPORT_FILE, record::AccuracyRecord};
+use wfl_problem::Scene;
+use wfl_run::Outcome;
 use wfl_tasks::{
     Loaded,
     accuracy::{Given, Job, Picked, WholeRun, pick, rewrite},
@@ -189,7 +188,7 @@ fn told(record: &AccuracyRecord) -> String {
         text += &format!("  {why}\n");
     }
     if !record.others.is_empty() {
-        let one = |o: &wfl_runtime::accuracy::Other| format!("{} {}", o.quantity, error(o.error.0));
+        let one = |o: &wfl_output::record::Other| format!("{} {}", o.quantity, error(o.error.0));
         let list: Vec<String> = record.others.iter().map(one).collect();
         text += &format!("  other quantities, about: {}\n", list.join(", "));
     }
@@ -204,9 +203,9 @@ pub(crate) fn table(loaded: &Loaded, scene: &Scene) -> Table {
     let degrees: Vec<String> = ways.degrees.iter().map(ToString::to_string).collect();
     let mesh = if ways.refines() { "is picked, and refined locally" } else { "from a file, refined locally" };
     let gamma = match ways.role {
-        wfl_runtime::accuracy::Role::None => "as it is",
-        wfl_runtime::accuracy::Role::Consistent => "scales with the cell size",
-        wfl_runtime::accuracy::Role::Penalty => "a penalty: increased until its error is small",
+        wfl_adapt::accuracy::Role::None => "as it is",
+        wfl_adapt::accuracy::Role::Consistent => "scales with the cell size",
+        wfl_adapt::accuracy::Role::Penalty => "a penalty: increased until its error is small",
     };
     table.push(vec![number(error).into(), of.into(), degrees.join(", ").into(), mesh.into(), gamma.into()]);
     table

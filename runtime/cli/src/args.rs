@@ -3,11 +3,9 @@
 use std::{num::NonZeroUsize, path::PathBuf};
 
 use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
-use wfl_runtime::{
-    Pruning,
-    accuracy::{LARGEST, SMALLEST, is_accuracy},
-    solve::Precision,
-};
+use wfl_discrete::pruning::Pruning;
+use wfl_problem::demand::{LARGEST, SMALLEST, is_accuracy};
+use wfl_sparse::solve::Precision;
 
 use crate::{
     args_gradient::GradientArgs,
@@ -219,7 +217,7 @@ fn accuracy(text: &str) -> Result<f64, String> {
 }
 
 fn memory(text: &str) -> Result<u64, String> {
-    use wfl_runtime::memory::{PROGRAM, parse, shown};
+    use wfl_host::memory::{PROGRAM, parse, shown};
     let size = parse(text).ok_or_else(|| "a size with its unit, such as 500MB, 4GB or 4GiB".to_owned())?;
     if size < PROGRAM {
         return Err(format!("the program alone takes about {}", shown(PROGRAM)));

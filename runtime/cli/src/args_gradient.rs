@@ -1,7 +1,7 @@
 //! What a command line says of derivatives: results, and what they are differentiated in.
 
 use clap::Args as ClapArgs;
-use wfl_runtime::gradient::Request;
+use wfl_gradient::Request;
 
 /// Derivatives of results.
 #[derive(Clone, Debug, Default, ClapArgs)]

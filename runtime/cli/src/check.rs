@@ -12,14 +12,14 @@ use wfl::{
     ast::{MeasureAt, Place, Reduction},
 };
 use wfl_compiler::types::FieldKind;
-use wfl_runtime::{
-    FIXED, LinearSolver, Scene,
+use wfl_discrete::{field::FieldSpace, system::FIXED};
+use wfl_mesh::{
     element::Family,
-    field::FieldSpace,
     mesh::{self, FacetId, Mesh, Polynomials, RegionSet},
-    newton::planned_stages,
-    solve::{Linked, SolverOptions},
 };
+use wfl_newton::{LinearSolver, planned_stages};
+use wfl_problem::Scene;
+use wfl_sparse::solve::{Linked, SolverOptions};
 use wfl_tasks::{
     Loaded,
     advice::{contact::warnings, hourglass, signs},

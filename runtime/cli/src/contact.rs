@@ -1,9 +1,7 @@
 //! Tables about the formulation of contact: what each interface is, and what states of constant stress leave.
 
-use wfl_runtime::{
-    Scene,
-    consistency::{ContactForm, Verdict},
-};
+use wfl_checks::consistency::{ContactForm, Verdict};
+use wfl_problem::Scene;
 use wfl_tasks::{
     Loaded,
     advice::contact::{place, words},

@@ -3,7 +3,11 @@
 use std::{path::Path, process::ExitCode};
 
 use wfl::SourceMap;
-use wfl_runtime::{Outcome, RunError, Scene, gradient::Gradients, memory::TooMuchMemory, output::Report};
+use wfl_gradient::Gradients;
+use wfl_host::memory::TooMuchMemory;
+use wfl_output::Report;
+use wfl_problem::Scene;
+use wfl_run::{Outcome, RunError};
 use wfl_tasks::{
     Loaded,
     ending::{self, Ending, Said},

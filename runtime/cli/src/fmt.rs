@@ -7,7 +7,7 @@ use std::{
 };
 
 use wfl::SourceMap;
-use wfl_runtime::input::InputKind;
+use wfl_host::input::InputKind;
 use wfl_tasks::scene_file::read_text;
 
 use crate::{

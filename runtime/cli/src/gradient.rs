@@ -5,10 +5,9 @@ use std::process::ExitCode;
 use serde_json::Value;
 use wfl::{Diagnostic, SourceMap};
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{
-    Outcome, Scene,
-    gradient::{Gradient, Gradients, NO_DERIVATIVE, NearKink, Request, settle},
-};
+use wfl_gradient::{Gradient, Gradients, NO_DERIVATIVE, NearKink, Request, settle};
+use wfl_problem::Scene;
+use wfl_run::Outcome;
 use wfl_tasks::{
     Loaded, available_threads,
     folder::{error_line, told},

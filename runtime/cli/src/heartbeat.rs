@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use wfl_runtime::newton::Iteration;
+use wfl_newton::Iteration;
 
 /// Silence after which a line is due.
 const SILENCE: Duration = Duration::from_secs(5);
@@ -139,7 +139,7 @@ mod tests {
             residual: 0.25,
             floor: 0.0,
             step: 1.0,
-            method: wfl_runtime::newton::Method::Residual,
+            method: wfl_newton::Method::Residual,
             merit: 1.0,
             changed: 0,
             contact: None,

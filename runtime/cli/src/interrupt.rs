@@ -51,7 +51,7 @@ fn listen() {
                 // held to the end of the process: nobody begins to write now
                 let folders = writing();
                 for (folder, hint) in folders.iter() {
-                    wfl_runtime::output::abandon(folder);
+                    wfl_output::abandon(folder);
                     if !hint.is_empty() {
                         crate::load::say(&format!("interrupted: {hint}\n"));
                     }

@@ -43,10 +43,11 @@ mod watching;
 
 use std::{ffi::OsString, path::PathBuf, process::ExitCode, time::Instant};
 
-use args::Command;
 use clap::Parser;
-pub use wfl_runtime::memory::Telling;
-use wfl_runtime::memory::{self, TooMuchMemory};
+
+use args::Command;
+pub use wfl_host::memory::Telling;
+use wfl_host::memory::{self, TooMuchMemory};
 use wfl_tasks::STACK;
 
 /// How the command was called.
@@ -93,8 +94,8 @@ fn command(call: &Call, started: Instant) -> ExitCode {
     // a system without a thread to spare goes on without the second line of the limit
     let _ = memory::watch(too_much_memory);
     for folder in &args.allow_read {
-        if let Err(e) = wfl_runtime::reading::allow(folder) {
-            let why = wfl_runtime::input::InputError::from(e);
+        if let Err(e) = wfl_host::reading::allow(folder) {
+            let why = wfl_host::input::InputError::from(e);
             load::say(&format!("error: cannot allow reading from {}: {why}\n", folder.display()));
             return ExitCode::from(prepared::EXIT_ERROR);
         }

@@ -3,15 +3,16 @@
 use std::{path::Path, process::ExitCode};
 
 use serde_json::{Map, Value};
-use wfl_report::{MeshColours, mesh_picture};
-use wfl_runtime::{
+use wfl_host::{
     input::{InputKind, read_input},
-    mesh::{
-        CellShape, GroupEntities, Mesh, RegionSet, Topology, cell_shapes, cell_volumes, element_sizes, facet_measures,
-        read::{DeckNotes, DeckPair, deck_notes, mesh_beside},
-    },
-    reading, region_name,
+    reading,
 };
+use wfl_mesh::mesh::{
+    CellShape, GroupEntities, Mesh, RegionSet, Topology, cell_shapes, cell_volumes, element_sizes, facet_measures,
+    read::{DeckNotes, DeckPair, deck_notes, mesh_beside},
+};
+use wfl_problem::region_name;
+use wfl_report::{MeshColours, mesh_picture};
 
 use crate::{
     args_mesh::MeshArgs,
@@ -223,7 +224,7 @@ fn scene_lines(mesh: &Mesh, pairs: &[DeckPair]) -> Vec<String> {
 
 /// The region of a surface of the deck; a remark where it is none of faces.
 fn region(mesh: &Mesh, name: &str, lines: &mut Vec<String>) -> String {
-    let own = |g: &&wfl_runtime::mesh::Group| {
+    let own = |g: &&wfl_mesh::mesh::Group| {
         let plain = g.name.eq_ignore_ascii_case(name);
         plain || g.name.to_lowercase().ends_with(&format!("_{}", name.to_lowercase()))
     };

@@ -1,8 +1,9 @@
 //! A scene made ready for a command: text, messages, compiled terms.
 
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
+use wfl_discrete::pruning::Pruning;
 use wfl_jit::JitBackend;
-use wfl_runtime::{Pruning, Scene};
+use wfl_problem::Scene;
 use wfl_tasks::Loaded;
 
 use crate::{

@@ -5,7 +5,8 @@ use std::io::IsTerminal;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use wfl_compiler::ir::Origin;
-use wfl_runtime::{Attempt, AttemptEnd, Path, Progress, StepResult, newton::Iteration};
+use wfl_newton::Iteration;
+use wfl_run::{Attempt, AttemptEnd, Path, Progress, StepResult};
 use wfl_tasks::words::number;
 
 use crate::heartbeat::Heartbeat;

@@ -3,7 +3,11 @@
 use std::{process::ExitCode, sync::Arc, time::Instant};
 
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{Scene, finished, gradient::Gradients, mesh::Part, team::Team};
+use wfl_gradient::Gradients;
+use wfl_host::team::Team;
+use wfl_mesh::mesh::Part;
+use wfl_problem::Scene;
+use wfl_run::finished;
 use wfl_tasks::{Loaded, folder::error_line};
 
 use crate::{

@@ -3,7 +3,9 @@
 use std::{path::PathBuf, time::Instant};
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{Outcome, RunError, RunOptions, Scene, output::check_name, place_of_moving};
+use wfl_output::check_name;
+use wfl_problem::{Scene, place_of_moving};
+use wfl_run::{Outcome, RunError, RunOptions};
 use wfl_tasks::{
     Loaded, VERSION,
     advice::{before_run, found_parameters},
@@ -68,10 +70,10 @@ impl Ready {
         let several = scene.steps.several() && self.resumable;
         let hint = if several { "the steps done are kept: the same command with --resume continues" } else { "" };
         let _tidied = self.options.out.clone().map(|folder| Tidied::new(folder, hint));
-        let Some(file) = page else { return wfl_runtime::run(scene, &self.options, &mut terminal) };
+        let Some(file) = page else { return wfl_run::run(scene, &self.options, &mut terminal) };
         let variable = self.options.about.step_variable.clone();
         let mut watching = Watching::new(terminal, file, &self.options.name, variable.as_deref().unwrap_or("t"));
-        let outcome = wfl_runtime::run(scene, &self.options, &mut watching);
+        let outcome = wfl_run::run(scene, &self.options, &mut watching);
         watching.end();
         outcome
     }

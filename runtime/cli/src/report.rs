@@ -5,9 +5,8 @@ use std::{
     process::ExitCode,
 };
 
+use wfl_output::{Kind, OutputDir, OutputError, Plan, State};
 use wfl_report::{Pages, Picture, ReportError, RunFolder};
-use wfl_runtime::output::{Kind, OutputDir, OutputError, Plan, State};
-
 use wfl_tasks::folder::told;
 
 use crate::{

@@ -5,8 +5,10 @@ use std::{
     time::{Duration, Instant},
 };
 
+use wfl_adapt::savings;
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
-use wfl_runtime::{Saving, finished, savings};
+use wfl_discrete::pruning::Saving;
+use wfl_run::finished;
 use wfl_tasks::{Loaded, folder::error_line};
 
 use crate::{

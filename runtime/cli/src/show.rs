@@ -10,7 +10,7 @@ use wfl_compiler::{
     ir::{Origin, VerifiedKernel},
     types::{FieldSig, InputSlot, RateFactor, RateOrder, Side, UniformSlot},
 };
-use wfl_runtime::Scene;
+use wfl_problem::Scene;
 use wfl_tasks::{Loaded, tangents::basis_text};
 
 use crate::{

@@ -1,7 +1,7 @@
 //! The linear solvers that `--backend` names: those of this program, or those of a library that it was built with.
 
 use clap::ValueEnum;
-use wfl_runtime::solve::Linked;
+use wfl_sparse::solve::Linked;
 
 /// Names of solvers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -22,8 +22,8 @@ pub(crate) enum Solvers {
 mod linked {
     use std::{process::ExitCode, sync::Arc, time::Duration};
 
+    use wfl_host::team::Team;
     use wfl_petsc::{Petsc, Session};
-    use wfl_runtime::team::Team;
 
     use super::{Linked, Solvers};
     use crate::{
@@ -120,7 +120,7 @@ mod linked {
 
     impl Running {
         /// There is one rank.
-        pub(crate) fn team(&self) -> Option<std::sync::Arc<dyn wfl_runtime::team::Team>> {
+        pub(crate) fn team(&self) -> Option<std::sync::Arc<dyn wfl_host::team::Team>> {
             None
         }
 

@@ -1,12 +1,10 @@
 //! What a command line asks of a run that does not go together.
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{
-    Scene,
-    accuracy::MESH_FILE,
-    gradient::{Request, ahead, stated},
-    may_begin, place_of_moving,
-};
+use wfl_gradient::{Request, ahead, stated};
+use wfl_output::record::MESH_FILE;
+use wfl_problem::{Scene, place_of_moving};
+use wfl_run::may_begin;
 use wfl_tasks::{Loaded, folder::error_line, gradient::files};
 
 use crate::{

@@ -4,12 +4,11 @@ use std::process::ExitCode;
 
 use serde_json::Value;
 use wfl_compiler::{KinkKind, TangentCheck, TermLaw, check_tangent, types::FieldSig};
+use wfl_discrete::system::System;
 use wfl_tasks::{
     advice::contact::warnings,
     tangents::{TOLERANCE, failure, group_text, sampling},
 };
-
-use wfl_runtime::system::System;
 
 use crate::{
     args::VerifyArgs,

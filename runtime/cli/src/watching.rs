@@ -9,8 +9,9 @@ use std::{
 };
 
 use wfl_compiler::ir::Origin;
+use wfl_newton::Iteration;
 use wfl_report::{Watched, WatchedStep};
-use wfl_runtime::{Progress, StepResult, newton::Iteration};
+use wfl_run::{Progress, StepResult};
 
 use crate::{load::say, plot::replace, progress::Terminal};
 

@@ -143,7 +143,7 @@ impl Scene {
 
 /// Points and weights of 16 Gauss rules of 8 points on the unit interval.
 fn gauss() -> Vec<(f64, f64)> {
-    let rule = wfl_runtime::quadrature::gauss(wfl_runtime::mesh::CellKind::Segment, 8).expect("a rule");
+    let rule = wfl_mesh::quadrature::gauss(wfl_mesh::mesh::CellKind::Segment, 8).expect("a rule");
     let parts = 16;
     let of = |k: usize| {
         let place = move |x: f64| (k as f64 + x) / parts as f64;

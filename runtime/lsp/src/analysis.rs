@@ -8,7 +8,7 @@ use std::{
 
 use wfl::{Code, Diagnostic, ResolvedScript, SourceId, SourceMap, Span};
 use wfl_compiler::{About, about};
-use wfl_runtime::{Sketch, messages_without_mesh, without_auto};
+use wfl_problem::{Sketch, messages_without_mesh, without_auto};
 use wfl_tasks::scene_file::{OpenTexts, plain_path, read_open_scene};
 
 use crate::{

@@ -12,7 +12,8 @@ use std::{
 use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
 use wfl::{Diagnostic, Span};
 use wfl_compiler::{Class, InterpreterBackend};
-use wfl_runtime::{Scene, mesh::RegionSet};
+use wfl_mesh::mesh::RegionSet;
+use wfl_problem::Scene;
 use wfl_tasks::{
     STACK,
     advice::before_run,
@@ -141,7 +142,7 @@ fn problem(scene: &Scene) -> Problem {
         };
         format!("{} {word}", set.len())
     };
-    let facts = |t: &wfl_runtime::TermSummary| TermFacts {
+    let facts = |t: &wfl_problem::TermSummary| TermFacts {
         span: t.span,
         place: t.place.clone(),
         class: t.class,

@@ -7,7 +7,7 @@ use wfl::{
     cond_children,
 };
 use wfl_compiler::types::PlaceSig;
-use wfl_runtime::Sketch;
+use wfl_problem::Sketch;
 
 /// An expression of a statement, macros expanded.
 pub(crate) struct Context<'s> {

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use wfl_runtime::input::InputKind;
+use wfl_host::input::InputKind;
 use wfl_tasks::scene_file::{OpenTexts, plain_path, read_text};
 
 /// Folders above the one of a file in which scenes that use it are looked for: a scene uses files of its own folder and

@@ -3,10 +3,8 @@
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
-use wfl_runtime::{
-    csr::Csr,
-    output::{Cells, Piece, VtkCell},
-};
+use wfl_output::{Cells, Piece, VtkCell};
+use wfl_sparse::csr::Csr;
 
 /// Positions as an array of `n` by `dim`.
 pub(crate) fn points<'py>(py: Python<'py>, positions: &[[f64; 3]], dim: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -17,7 +17,8 @@ use std::{
 
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::{exceptions::PyRuntimeError, prelude::*};
-use wfl_runtime::{Progress, StepResult, newton::Iteration};
+use wfl_newton::Iteration;
+use wfl_run::{Progress, StepResult};
 use wfl_tasks::STACK;
 
 use crate::{arrays, steps};

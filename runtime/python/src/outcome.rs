@@ -4,12 +4,10 @@ use std::path::PathBuf;
 
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::{prelude::*, types::PyDict};
+use wfl_contact::ContactPoints;
+use wfl_gradient::{Differentiated, Direction, NearKink, Request, When, gradients, jacobian, tangents};
 use wfl_report::{Pages, RunFolder};
-use wfl_runtime::{
-    contact::ContactPoints,
-    gradient::{Differentiated, Direction, NearKink, Request, When, gradients, jacobian, tangents},
-    save,
-};
+use wfl_run::save;
 use wfl_tasks::ending::Ending;
 
 use crate::{arrays, desk::Listeners, scene::PyScene, steps, told, work::Finished};

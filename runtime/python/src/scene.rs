@@ -12,7 +12,9 @@ use pyo3::{
     types::{PyDict, PyList, PyTuple},
 };
 use wfl_compiler::types::FieldKind;
-use wfl_runtime::{RunError, Source, Standing, StepResult, newton::NewtonError, results};
+use wfl_newton::NewtonError;
+use wfl_problem::Source;
+use wfl_run::{RunError, Standing, StepResult};
 
 use crate::{
     arrays,
@@ -216,7 +218,7 @@ impl PyScene {
     /// Cells of a field on its nodes, see `arrays::cells`.
     fn cells<'py>(&self, py: Python<'py>, field: &str) -> PyResult<Option<Bound<'py, PyList>>> {
         let (work, k) = self.field(field)?;
-        results::field_cells(&work.scene.system.fields[k]).map(|cells| arrays::cells(py, &cells)).transpose()
+        wfl_run::field_cells(&work.scene.system.fields[k]).map(|cells| arrays::cells(py, &cells)).transpose()
     }
 
     /// Regions: name and members.
@@ -447,7 +449,7 @@ impl PyScene {
         let known = known.iter().map(|v| Ok(v.as_slice()?.to_vec())).collect::<PyResult<Vec<_>>>()?;
         let u = Self::unknowns_of(&*self.held()?, &u)?;
         let pieces = self.quickly(py, |work| {
-            let pieces = results::field_grids(&work.scene, &known, &u);
+            let pieces = wfl_run::field_grids(&work.scene, &known, &u);
             pieces.map_err(|e| vec![Told::text(&format!("error: {e}\n"))])
         })?;
         pieces.iter().map(|piece| arrays::piece(py, piece)).collect()

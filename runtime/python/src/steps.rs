@@ -2,7 +2,8 @@
 
 use numpy::PyArray1;
 use pyo3::{prelude::*, types::PyDict};
-use wfl_runtime::{StepResult, newton::Iteration};
+use wfl_newton::Iteration;
+use wfl_run::StepResult;
 
 /// An iteration.
 pub(crate) fn iteration<'py>(py: Python<'py>, i: &Iteration) -> PyResult<Bound<'py, PyDict>> {
@@ -25,10 +26,10 @@ pub(crate) fn step<'py>(py: Python<'py>, number: usize, step: &StepResult) -> Py
     made.set_item("t", step.window.end)?;
     made.set_item("increment", step.window.increment)?;
     made.set_item("converged", step.history.converged())?;
-    made.set_item("stop", step.history.stop.map(wfl_runtime::newton::Stop::word))?;
+    made.set_item("stop", step.history.stop.map(wfl_newton::Stop::word))?;
     made.set_item("iterations", step.iterations())?;
     made.set_item("attempts", step.attempts.len())?;
-    made.set_item("digits", step.accuracy.as_ref().map(wfl_runtime::Accuracy::digits))?;
+    made.set_item("digits", step.accuracy.as_ref().map(wfl_checks::Accuracy::digits))?;
     made.set_item("friction_work", step.friction.map(|f| f.taken))?;
     let history = step.history.iterations.iter().map(|i| iteration(py, i)).collect::<PyResult<Vec<_>>>()?;
     made.set_item("history", history)?;

@@ -3,13 +3,12 @@
 use std::{collections::BTreeSet, path::PathBuf, time::Instant};
 
 use wfl::Diagnostic;
+use wfl_contact::{ContactPoints, contact_points};
+use wfl_discrete::field::FieldSpace;
+use wfl_gradient::{Differentiated, ahead, settle, stated};
 use wfl_jit::JitBackend;
-use wfl_runtime::{
-    Cadence, Equations, Outcome, RunError, RunOptions, Scene, Session,
-    contact::{ContactPoints, contact_points},
-    field::FieldSpace,
-    gradient::{Differentiated, ahead, settle, stated},
-};
+use wfl_problem::{Cadence, Equations, Scene};
+use wfl_run::{Outcome, RunError, RunOptions, Session};
 use wfl_tasks::{
     Loaded, VERSION, advice, available_threads,
     ending::{self, Ending, Said},
@@ -152,7 +151,7 @@ impl Work {
         self.check();
         self.refuse_derivatives()?;
         let options = self.options(asked, started, started.elapsed().as_secs_f64());
-        match wfl_runtime::run(&self.scene, &options, teller) {
+        match wfl_run::run(&self.scene, &options, teller) {
             Ok(mut outcome) => {
                 self.settle(&mut outcome, options.threads)?;
                 Ok(self.finished(outcome, options))

@@ -1,7 +1,7 @@
 //! A demanded accuracy: errors over the meshes of the search, the mesh that was found and where the error came from.
 
 use wfl_charts::{Chart, Colour, MapCell, Scale, Section, Series, short};
-use wfl_runtime::accuracy::{AccuracyRecord, REFINED, SHARE};
+use wfl_output::record::{AccuracyRecord, REFINED, SHARE};
 
 use crate::{
     folder::{ReportError, RunFolder},

@@ -2,12 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use wfl_runtime::{
-    accuracy::MESH_FILE,
-    input::{InputError, InputKind, read_input},
-    output::{
-        Kind, MANIFEST_FILE, MEASURES_FILE, OutputDir, OutputError, REPORT_FILE, Report, State, part_of, sources,
-    },
+use wfl_host::input::{InputError, InputKind, read_input};
+use wfl_output::{
+    Kind, MANIFEST_FILE, MEASURES_FILE, OutputDir, OutputError, REPORT_FILE, Report, State, part_of, record::MESH_FILE,
+    sources,
 };
 
 /// Why there is no page.

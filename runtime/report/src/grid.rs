@@ -11,7 +11,7 @@ mod whole;
 
 use std::{ops::Range, path::Path};
 
-use wfl_runtime::output::PART;
+use wfl_output::PART;
 
 use crate::folder::{ReportError, damaged};
 

@@ -1,10 +1,8 @@
 //! A picture of a mesh, without a run: its cells, coloured by their regions, sizes or angles.
 
 use wfl_charts::{Chart, Face, Ramp, Scale, short};
-use wfl_runtime::{
-    mesh::{CellKind, GroupEntities, Mesh, cell_shapes, element_sizes},
-    output::{VtkCell, vtk_order},
-};
+use wfl_mesh::mesh::{CellKind, GroupEntities, Mesh, cell_shapes, element_sizes};
+use wfl_output::{VtkCell, vtk_order};
 
 use crate::{
     grid::{Whole, WholeCell},

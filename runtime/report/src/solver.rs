@@ -1,7 +1,7 @@
 //! How the run went: facts, failures, iterations, contact counts, time, checks.
 
 use wfl_charts::{Bar, Chart, Colour, Scale, Section, Series, Table, short};
-use wfl_runtime::output::{ParameterValue, StepReport};
+use wfl_output::{ParameterValue, StepReport};
 
 use crate::{
     events,
@@ -241,7 +241,7 @@ pub(crate) fn numbers(run: &RunFolder) -> Section {
     }
     let mut parameters = Table::new(heads);
     for (name, value) in run.report.parameters.iter() {
-        let row = |v: &[wfl_runtime::output::Real]| {
+        let row = |v: &[wfl_output::Real]| {
             format!("[{}]", v.iter().map(|x| format!("{:?}", x.0)).collect::<Vec<_>>().join(", "))
         };
         let shown = match value {

@@ -6,20 +6,28 @@
 use std::{path::Path, time::Instant};
 
 use wfl::ast::MeshSource;
-use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
-use wfl_runtime::{
-    Bodies, NO_SAMPLING, Outcome, Pruning, Quiet, SampleAt, Samples, Sampling, Scene,
+use wfl_adapt::{
     accuracy::{
-        AccuracyRecord, Cost, DEFAULT_BUDGET, DEFAULT_QUANTITY, Demand, Extent, Found, Guide, Indicator, MESH_FILE,
-        OfData, Out, Pair, Probed, Rounds, Short, Trials, Ways, curvature, mesh_piece, probe, seek,
+        Cost, DEFAULT_BUDGET, Demand, Extent, Found, Guide, Indicator, OfData, Out, Pair, Probed, Short, Trials, Ways,
+        curvature, mesh_piece, probe, seek,
     },
-    checks::locked_bodies as locked,
     compare::{Compared, MEASURE, NORM_DEGREE, Solved, differences, measures, sampled, sampled_if},
     knobs::{self, Setting},
+};
+use wfl_checks::locked_bodies as locked;
+use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
+use wfl_discrete::pruning::Pruning;
+use wfl_mesh::{
     mesh::{CellId, Mesh, RegionSet},
-    output::{OutputDir, OutputError, Piece, Real, Report, write_report, write_vtu},
     refine::Mark,
 };
+use wfl_output::{
+    OutputDir, OutputError, Piece, Real, Report,
+    record::{AccuracyRecord, MESH_FILE, Rounds},
+    write_report, write_vtu,
+};
+use wfl_problem::{Bodies, NO_SAMPLING, SampleAt, Samples, Sampling, Scene, demand::DEFAULT_QUANTITY};
+use wfl_run::{Outcome, Quiet};
 
 use crate::{
     Listener, Loaded,
@@ -456,7 +464,7 @@ impl Trials for Lab<'_> {
         let tight = knobs::tolerance(setting).unwrap_or(scene.newton.tolerance);
         let tolerance = std::mem::replace(&mut scene.newton.tolerance, tight);
         let starts = std::mem::replace(&mut run.solved.scene.starts, starts);
-        let ended = wfl_runtime::run(&run.solved.scene, &self.bench.options(), &mut Quiet);
+        let ended = wfl_run::run(&run.solved.scene, &self.bench.options(), &mut Quiet);
         run.solved.scene.newton.tolerance = tolerance;
         run.solved.scene.starts = starts;
         let outcome = std::mem::replace(&mut run.solved.outcome, ended.map_err(|e| e.to_string())?);

@@ -10,16 +10,17 @@ use std::{
 };
 
 use wfl::{Diagnostic, ResolvedScript, render};
-use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
-use wfl_runtime::{
-    NO_SAMPLING, Pruning, Quiet, RunOptions, Sampling, Scene,
+use wfl_adapt::{
     accuracy::lean,
     compare::Solved,
     knobs::{self, Setting},
-    output::{Hash, Identity, OrderedMap},
-    prepare_sampled,
-    refine::Mark,
 };
+use wfl_compiler::{Class, InterpreterBackend, backend::KernelBackend};
+use wfl_discrete::pruning::Pruning;
+use wfl_mesh::refine::Mark;
+use wfl_output::{Hash, Identity, OrderedMap};
+use wfl_problem::{NO_SAMPLING, Sampling, Scene, prepare_sampled};
+use wfl_run::{Quiet, RunOptions};
 
 use crate::{
     Listener, Loaded, VERSION,
@@ -70,7 +71,7 @@ pub(crate) fn known(path: &Path, given: &[String], backend: &dyn KernelBackend) 
 /// The same of a scene that has been prepared.
 pub(crate) fn known_of(loaded: Loaded, scene: Scene, given: &[String]) -> Known {
     let params = loaded.script.params.iter().map(|p| p.name.name.clone()).collect();
-    let region = |t: &wfl_runtime::TermSummary| t.place.clone();
+    let region = |t: &wfl_problem::TermSummary| t.place.clone();
     let mut kinked: Vec<String> = scene.terms.iter().filter(|t| t.class == Class::Kinked).map(region).collect();
     if kinked.is_empty() {
         kinked = scene.terms.iter().map(region).collect();
@@ -109,7 +110,7 @@ pub(crate) fn size(path: &Path, known: &Known, setting: &Setting) -> Result<Size
     loaded.script.outputs.clear();
     let (scene, _) = prepared(loaded, &InterpreterBackend, &[], &[])?;
     let system = &scene.system;
-    let degree = system.fields.iter().map(wfl_runtime::field::Field::degree).max().unwrap_or(1);
+    let degree = system.fields.iter().map(wfl_discrete::field::Field::degree).max().unwrap_or(1);
     Ok(Size { dofs: system.numbering.n_free(), dim: system.mesh.dim(), degree, steps: scene.steps.values.len() })
 }
 
@@ -254,14 +255,14 @@ impl Bench<'_> {
             // nothing remembers the steps before the last: it is tried alone, and all of them where that fails
             let all = scene.steps.values.clone();
             scene.steps.values.drain(..all.len() - 1);
-            match wfl_runtime::run(&scene, &options, &mut Quiet) {
+            match wfl_run::run(&scene, &options, &mut Quiet) {
                 Ok(outcome) if outcome.converged() => {
                     return Ok(Solved { script: loaded.script, outputs, scene, outcome });
                 }
                 _ => scene.steps.values = all,
             }
         }
-        match wfl_runtime::run(&scene, &options, &mut Quiet) {
+        match wfl_run::run(&scene, &options, &mut Quiet) {
             Ok(outcome) => Ok(Solved { script: loaded.script, outputs, scene, outcome }),
             Err(error) => Err(with_cause(&error.to_string(), &hourglass::rules(&loaded, &scene))),
         }

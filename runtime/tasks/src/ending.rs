@@ -7,15 +7,16 @@ use std::path::Path;
 
 use wfl::{Code, Diagnostic, Fix, Span, ast::Cond};
 use wfl_compiler::{KinkKind, locate};
-use wfl_runtime::{
-    AttemptEnd, Episode, FRUITLESS, Outcome, RunError, Scene, Singular, StepResult,
+use wfl_discrete::{
     assemble::{AssembledTerm, NonFinitePlace, TermError},
     finite::{self, BadState, position, short, word},
-    memory::{self, TooMuchMemory},
-    newton::{Iteration, NewtonError},
-    output::Report,
-    solve::SolveError,
 };
+use wfl_host::memory::{self, TooMuchMemory};
+use wfl_newton::{Iteration, NewtonError, Singular};
+use wfl_output::Report;
+use wfl_problem::Scene;
+use wfl_run::{AttemptEnd, Episode, FRUITLESS, Outcome, RunError, StepResult};
+use wfl_sparse::solve::SolveError;
 
 use crate::{
     Loaded,

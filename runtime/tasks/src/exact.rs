@@ -4,11 +4,9 @@ use wfl::{
     FieldKind,
     ast::{Expr, ExprKind, MulOp},
 };
+use wfl_adapt::compare::{EXACT_OUTPUT, Solved, items, name, take, unknowns};
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{
-    SampleAt, Samples,
-    compare::{EXACT_OUTPUT, Solved, items, name, take, unknowns},
-};
+use wfl_problem::{SampleAt, Samples};
 
 use crate::bench::Known;
 

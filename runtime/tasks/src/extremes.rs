@@ -8,7 +8,10 @@ use std::{
 
 use wfl::{Code, Diagnostic};
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{Outcome, Progress, RunOptions, gradient::settle, newton::Iteration, prepare, run};
+use wfl_gradient::settle;
+use wfl_newton::Iteration;
+use wfl_problem::prepare;
+use wfl_run::{Outcome, Progress, RunOptions, run};
 
 use crate::{Listener, Loaded, VERSION, advice, available_threads, scene_file::read_scene};
 

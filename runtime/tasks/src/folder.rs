@@ -1,7 +1,8 @@
 //! What is said of a results folder that cannot be used, with its code and what to do. Does not touch the folder.
 
 use wfl::Code;
-use wfl_runtime::{CheckpointError, output::OutputError};
+use wfl_output::OutputError;
+use wfl_run::CheckpointError;
 
 /// The message of an error of a results folder.
 #[must_use]

@@ -10,10 +10,9 @@ use wfl_compiler::{
     InterpreterBackend, compile_value,
     types::{PlaceKind, PlaceSig},
 };
-use wfl_runtime::{
-    Sketch, Value, Window,
-    output::{ParameterValue, Report},
-};
+use wfl_discrete::{value::Value, window::Window};
+use wfl_output::{ParameterValue, Report};
+use wfl_problem::Sketch;
 
 use crate::{Loaded, scene_file::read_scene_text};
 
@@ -86,7 +85,7 @@ pub fn along(report: &Report, formula: &str, ends: [[f64; 3]; 2], time: f64) -> 
 
 /// The values of the parameters as on the command line.
 fn values(report: &Report, loaded: &Loaded) -> Vec<String> {
-    let list = |row: &[wfl_runtime::output::Real]| {
+    let list = |row: &[wfl_output::Real]| {
         let numbers: Vec<String> = row.iter().map(|x| format!("{:e}", x.0)).collect();
         numbers.join(",")
     };

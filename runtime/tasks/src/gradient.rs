@@ -7,15 +7,12 @@ use std::{path::Path, time::Instant};
 
 use wfl::SourceMap;
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{
-    Outcome, Quiet, RunOptions, Scene,
-    gradient::{Differentiated, Gradient, Gradients, Request, ToSides, WantedResult, ahead, gradients},
-    output::{
-        GradientReport, OrderedMap, OutputDir, OutputError, ParameterValue, Report, write_csv, write_report, write_vtu,
-    },
-    results::field_grid,
-    run,
+use wfl_gradient::{Differentiated, Gradient, Gradients, Request, ToSides, WantedResult, ahead, gradients};
+use wfl_output::{
+    GradientReport, OrderedMap, OutputDir, OutputError, ParameterValue, Report, write_csv, write_report, write_vtu,
 };
+use wfl_problem::Scene;
+use wfl_run::{Outcome, Quiet, RunOptions, field_grid, run};
 
 use crate::{Loaded, scene_file::read_scene_with_knobs};
 
@@ -152,9 +149,8 @@ pub fn report(of: &Gradients, report: &mut Report) {
 fn write_grids(dir: &OutputDir, scene: &Scene, of: &Gradients) -> Result<Vec<String>, OutputError> {
     let mut files = Vec::new();
     for (k, field) in scene.system.fields.iter().enumerate() {
-        let values = |result: &wfl_runtime::gradient::Gradient| {
-            Some(result.fields.iter().find(|f| f.0 == field.name)?.1.clone())
-        };
+        let values =
+            |result: &wfl_gradient::Gradient| Some(result.fields.iter().find(|f| f.0 == field.name)?.1.clone());
         let found: Vec<(String, Vec<f64>)> =
             of.results.iter().filter_map(|r| Some((format!("{}_by_{}", r.name, field.name), values(r)?))).collect();
         let named: Vec<(String, &[f64])> = found.iter().map(|(name, v)| (name.clone(), v.as_slice())).collect();
@@ -173,7 +169,7 @@ pub fn told(of: &Gradients) -> Vec<String> {
     of.near.iter().map(|near| format!("W660: {}", near.finding().line())).collect()
 }
 
-fn reported(of: &wfl_runtime::gradient::Gradient) -> GradientReport {
+fn reported(of: &wfl_gradient::Gradient) -> GradientReport {
     let value = |entries: &[f64]| match entries {
         [one] => ParameterValue::from(*one),
         several => ParameterValue::from(several),
@@ -185,7 +181,7 @@ fn reported(of: &wfl_runtime::gradient::Gradient) -> GradientReport {
         found.map(|s| (s.parameter.as_str(), value(f(s)))).collect()
     };
     let (by_larger, by_smaller) = (side(|s| &s.larger), side(|s| &s.smaller));
-    GradientReport { result: of.name.clone(), value: wfl_runtime::output::Real(of.value), by, by_larger, by_smaller }
+    GradientReport { result: of.name.clone(), value: wfl_output::Real(of.value), by, by_larger, by_smaller }
 }
 
 /// What is verified: a scene, its settings, and the derivatives.
@@ -361,7 +357,7 @@ struct Difference {
 fn result(outcome: &Outcome, wanted: &WantedResult) -> Result<f64, String> {
     let times: Vec<f64> = outcome.steps.iter().map(|s| s.window.end).collect();
     let weights = wanted.weights(&times).map_err(|why| format!("`{}`: {why}\n", wanted.name))?;
-    let value = |step: &wfl_runtime::StepResult| step.measures.iter().find(|m| m.0 == wanted.measure).map(|m| m.1);
+    let value = |step: &wfl_run::StepResult| step.measures.iter().find(|m| m.0 == wanted.measure).map(|m| m.1);
     let counted = outcome.steps.iter().zip(weights).filter(|(_, weight)| *weight != 0.0);
     let values: Option<Vec<f64>> = counted.map(|(step, weight)| Some(weight * value(step)?)).collect();
     values.map(|v| v.iter().sum()).ok_or_else(|| format!("no measure `{}`\n", wanted.measure))

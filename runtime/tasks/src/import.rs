@@ -204,7 +204,7 @@ fn problems(scene: &str, lines: usize) -> Option<(Vec<Diagnostic>, SourceMap)> {
     let mut resolved = resolve(&mut sources, main, &mut NoFiles, &[]);
     let mut found = std::mem::take(&mut resolved.diagnostics);
     if let Some(script) = &resolved.value {
-        found.extend(wfl_runtime::prepare(script, Path::new(""), &InterpreterBackend).diagnostics);
+        found.extend(wfl_problem::prepare(script, Path::new(""), &InterpreterBackend).diagnostics);
     }
     found.retain(Diagnostic::is_error);
     if found.is_empty() {

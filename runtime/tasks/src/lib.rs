@@ -4,7 +4,7 @@
 //!
 //! The command, a server or a binding calls these doors; who wants to hear how long work goes on hands over a
 //! [`Listener`]. Promises that nothing is printed and no process is ended here, and that a message has the same words
-//! whoever shows it. Does not compile point laws (a kernel backend is handed over) and does not solve: `wfl-runtime` does.
+//! whoever shows it. Does not compile point laws (a kernel backend is handed over) and does not solve: `wfl-run` does.
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
@@ -36,6 +36,6 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// A setting in words, as on the command line.
 #[must_use]
-pub fn setting_text(setting: &wfl_runtime::knobs::Setting) -> String {
+pub fn setting_text(setting: &wfl_adapt::knobs::Setting) -> String {
     setting.iter().map(|(n, v)| format!("{n}={v}")).collect::<Vec<_>>().join(" ")
 }

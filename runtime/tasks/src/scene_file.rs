@@ -15,17 +15,19 @@ use wfl::{
     ast::{Place, Rank, Space},
     parse_expr, resolve,
 };
+use wfl_adapt::knobs::{self, OF_STATEMENTS};
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{
-    Pruning, Scene, ScenePart,
-    accuracy::{self, Rounds, marks_of},
+use wfl_discrete::pruning::Pruning;
+use wfl_host::{
     input::{self, InputError, InputKind},
-    knobs::{self, OF_STATEMENTS},
-    output::{About, Hash, OrderedMap, Report, SceneText},
-    prepare_part, prepare_refined,
     reading::{self, ReadingError},
     team::Team,
 };
+use wfl_output::{
+    About, Hash, OrderedMap, Report, SceneText,
+    record::{self, Rounds, marks_of},
+};
+use wfl_problem::{Scene, ScenePart, prepare_part, prepare_refined};
 
 /// A scene that was read, with its texts.
 pub struct Loaded {
@@ -356,7 +358,7 @@ pub(crate) fn rounds_of(setting: &knobs::Setting) -> Result<Rounds, String> {
     if report.about.marks.is_empty() {
         return Err(format!("{path} is the report of a run whose mesh was not refined for an accuracy"));
     }
-    Ok(accuracy::rounds_of(&report.about.marks))
+    Ok(record::rounds_of(&report.about.marks))
 }
 
 /// The name of the text that holds the command line.

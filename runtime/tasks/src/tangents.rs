@@ -5,7 +5,7 @@ use wfl_compiler::{
     TangentCheck, TangentSampling, TermLaw,
     types::{BasisSlot, FieldOp, FieldSig, Side},
 };
-use wfl_runtime::Scene;
+use wfl_problem::Scene;
 
 /// Largest error of a block that passes.
 pub const TOLERANCE: f64 = 1e-7;

@@ -194,7 +194,7 @@ fn energy(scene: &Scene, steps: &str, more: &str) -> (Option<f64>, usize, String
     let Attempt { solved, messages } = attempt(&examples(), text, &[], &[]);
     let Some(solved) = solved else { return (None, 0, messages) };
     let (steps, warnings) = (&solved.outcome.steps, doubts(&solved.outcome));
-    let iterations = steps.iter().map(wfl_runtime::StepResult::iterations).sum();
+    let iterations = steps.iter().map(wfl_run::StepResult::iterations).sum();
     let codes: Vec<&str> = warnings.iter().map(|(code, _)| *code).collect();
     let last = steps.last().filter(|_| solved.outcome.converged());
     let stored = last.and_then(|s| s.measures.iter().find(|(name, _)| name == "stored"));

@@ -7,7 +7,7 @@ use std::{io::Write as _, time::Instant};
 
 use wfl::{Loader, SourceId, SourceMap, resolve};
 use wfl_jit::JitBackend;
-use wfl_runtime::prepare;
+use wfl_problem::prepare;
 use wfl_tests::examples;
 
 const SCENES: [&str; 6] = [

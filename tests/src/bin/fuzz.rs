@@ -14,7 +14,7 @@ use std::{
 };
 
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::output::peak_memory_bytes;
+use wfl_output::peak_memory_bytes;
 use wfl_tests::{
     fuzz::{
         Random, expression,
@@ -230,7 +230,7 @@ fn main() -> ExitCode {
         eprintln!("{}", shown(&input(count, &seeds)));
         return ExitCode::SUCCESS;
     }
-    wfl_runtime::memory::set_limit(MEMORY);
+    wfl_host::memory::set_limit(MEMORY);
     let first = numbers.next().unwrap_or(0);
     // the inputs that panic are told with their numbers
     std::panic::set_hook(Box::new(|_| {}));

@@ -5,7 +5,7 @@
 
 use std::io::Write as _;
 
-use wfl_runtime::StepResult;
+use wfl_run::StepResult;
 use wfl_tests::{examples, solve};
 
 const GAMMAS: [f64; 8] = [1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8];

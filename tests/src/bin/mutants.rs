@@ -164,7 +164,7 @@ fn keep(number: u64, mutant: &Mutant, why: &str) {
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let number = |at: usize| words.get(at).and_then(|w| w.replace('_', "").parse::<u64>().ok());
-    wfl_runtime::memory::set_limit(MEMORY);
+    wfl_host::memory::set_limit(MEMORY);
     if words.first().is_some_and(|w| w == "show") {
         let mutant = mutant(&seeds(), number(1).unwrap_or(0));
         println!("{}\n{:?}\n{:?}", mutant.text(), mutant.changes, judge(&mutant, None));

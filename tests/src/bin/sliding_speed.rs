@@ -9,8 +9,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use wfl_discrete::system::{Branches, System};
 use wfl_jit::JitBackend;
-use wfl_runtime::{Branches, system::System};
 use wfl_tests::prepared;
 
 const PLANE: &str = "mesh box [0,0] to [40,2] cells [3000,2] quad with idle_cells=allowed";

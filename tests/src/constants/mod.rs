@@ -23,7 +23,7 @@ const FOLDERS: [(&str, &str); 4] = [
     ("runtime/newton/src", "Newton's method"),
     ("runtime/contact/src", "Contact"),
     ("runtime/checks/src", "Checks"),
-    ("runtime/src/accuracy", "The search for an accuracy"),
+    ("runtime/adapt/src/accuracy", "The search for an accuracy"),
 ];
 
 /// The table of ranges.

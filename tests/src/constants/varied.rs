@@ -146,6 +146,14 @@ fn in_crate(folder: &str) -> (&str, &str) {
     }
 }
 
+/// The manifest of a crate whose constants ask the host for their values: it depends on the host.
+fn with_host(manifest: &str) -> String {
+    match manifest.contains("wfl-host.workspace") {
+        true => manifest.to_owned(),
+        false => manifest.replacen("[dependencies]\n", "[dependencies]\nwfl-host.workspace = true\n", 1),
+    }
+}
+
 impl VariedWorkspace {
     /// Makes and builds the copy of the workspace at `root` in `target/varied`.
     ///
@@ -181,6 +189,9 @@ impl VariedWorkspace {
             }
             for (folder, _) in FOLDERS {
                 let (of, within) = in_crate(folder);
+                if shown == format!("{of}/Cargo.toml") {
+                    bytes = with_host(&String::from_utf8_lossy(&bytes)).into_bytes();
+                }
                 let sources = format!("{of}/src/");
                 let file = shown.strip_prefix(&sources).filter(|file| file.ends_with(".rs"));
                 // the search for an accuracy is a folder of its crate: others do not name its constants
@@ -386,8 +397,16 @@ mod tests {
     }
 
     #[test]
+    fn a_crate_with_constants_depends_on_the_host() {
+        let lines = |host| format!("[dependencies]\n{host}wfl-mesh.workspace = true\n");
+        let with = lines("wfl-host.workspace = true\n");
+        assert_eq!(with_host(&lines("")), with);
+        assert_eq!(with_host(&with), with);
+    }
+
+    #[test]
     fn a_folder_of_constants_belongs_to_a_crate() {
         assert_eq!(in_crate("runtime/newton/src"), ("runtime/newton", ""));
-        assert_eq!(in_crate("runtime/src/accuracy"), ("runtime", "accuracy"));
+        assert_eq!(in_crate("runtime/adapt/src/accuracy"), ("runtime/adapt", "accuracy"));
     }
 }

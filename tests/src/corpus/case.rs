@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use wfl::{Diagnostic, Expander, SourceMap, ast::Expr, ast::MacroDef, parse_gwfl};
 use wfl_compiler::{Env, TermLaw, TermSource, backend::KernelBackend, compile_term, ir::LANES};
-
-use wfl_runtime::{
-    Numbering, Window,
+use wfl_discrete::{
     assemble::{AssembledTerm, Binding, Bound, FieldValues, Integrator, LawSlots, Workspace, tangent_kernel},
-    csr::{Csr, PatternBuilder},
-    uniforms_at,
+    system::Numbering,
+    value::uniforms_at,
+    window::Window,
 };
+use wfl_sparse::csr::{Csr, PatternBuilder};
 
 use super::{
     Verdict,

@@ -1,6 +1,6 @@
 //! Assembled numbers beside those of a case.
 
-use wfl_runtime::csr::Csr;
+use wfl_sparse::csr::Csr;
 
 use super::{Verdict, format::Case, setup::Setup};
 

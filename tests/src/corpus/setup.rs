@@ -7,15 +7,16 @@ use wfl_compiler::{
     ir::LANES,
     types::{FieldKind, FieldSig, PlaceKind, PlaceSig, Shape},
 };
-
-use wfl_runtime::{
+use wfl_discrete::{
     assemble::{Binding, Bound, Domain, FieldValues, LawSlots, Workspace, entity_geometries},
-    element::Family,
     field::{Field, FieldSpace},
-    mesh::{CellId, CellKind, FacetRef, InterfaceFacet, Mesh, RawMesh, RegionSet, Topology},
     point_space::PointSpace,
-    quadrature::Rule,
     space::Space,
+};
+use wfl_mesh::{
+    element::Family,
+    mesh::{CellId, CellKind, FacetRef, InterfaceFacet, Mesh, RawMesh, RegionSet, Topology},
+    quadrature::Rule,
 };
 
 use super::{
@@ -44,7 +45,7 @@ pub(super) fn setup(corpus: &Corpus, case: &Case) -> Result<Setup, String> {
     let topology = Topology::new(&mesh).map_err(|e| e.to_string())?;
     let region = region(&mesh, &topology, &case.region)?;
     let rules = rules(corpus, case, &mesh)?;
-    let rule = |kind: CellKind| rules.get(&kind).cloned().unwrap_or_else(|| wfl_runtime::quadrature::vertex(kind));
+    let rule = |kind: CellKind| rules.get(&kind).cloned().unwrap_or_else(|| wfl_mesh::quadrature::vertex(kind));
     let domain = Arc::new(Domain::new(&mesh, &region, &rule).map_err(|e| e.to_string())?);
     let mut setup = Setup {
         place: place(&mesh, &region),
@@ -154,7 +155,7 @@ fn rule(kind: CellKind, points: &[Vec<f64>], weights: &[f64]) -> Rule {
 /// Parameters of a face run from its first node along the others, as facet parameters do here.
 fn face_rule(kind: CellKind, text: &QuadratureText) -> Rule {
     if kind == CellKind::Point {
-        wfl_runtime::quadrature::vertex(kind)
+        wfl_mesh::quadrature::vertex(kind)
     } else {
         rule(kind, &text.face_points, &text.face_weights)
     }

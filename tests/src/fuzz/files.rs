@@ -8,13 +8,10 @@ use std::{
 };
 
 use wfl_compiler::InterpreterBackend;
+use wfl_discrete::point_values::PointValues;
+use wfl_mesh::mesh::{Topology, cell_volumes, read::mesh_of};
 use wfl_report::{Pages, RunFolder};
-use wfl_runtime::{
-    Progress, Quiet, RunOptions, StepResult,
-    mesh::{Topology, cell_volumes, read::mesh_of},
-    point_values::PointValues,
-    run,
-};
+use wfl_run::{Progress, Quiet, RunOptions, StepResult, run};
 
 use super::Random;
 use crate::mutants::{Mutant, ready};

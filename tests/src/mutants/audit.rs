@@ -2,7 +2,13 @@
 //! term at every state, on one thread.
 
 use wfl_compiler::types::FieldKind;
-use wfl_runtime::{FIXED, Form, Measured, Scene, StepResult, System, Window, assemble::AssembledTerm};
+use wfl_discrete::{
+    assemble::AssembledTerm,
+    system::{FIXED, Form, System},
+    window::Window,
+};
+use wfl_problem::{Measured, Scene};
+use wfl_run::StepResult;
 
 use crate::fuzz::Random;
 
@@ -76,7 +82,7 @@ fn start(scene: &mut Scene, steps: &[StepResult]) -> Result<Vec<f64>, String> {
     Ok(u)
 }
 
-fn positions(field: Option<&wfl_runtime::field::Field>) -> Vec<[f64; 3]> {
+fn positions(field: Option<&wfl_discrete::field::Field>) -> Vec<[f64; 3]> {
     field.map(|f| (0..f.n_nodes()).map(|n| f.node_position(n)).collect()).unwrap_or_default()
 }
 

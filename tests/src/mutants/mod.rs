@@ -14,12 +14,12 @@ pub use audit::{Audit, audit};
 pub use mutate::{Mutant, Seed, mutate, seeds, word};
 pub use took_part::idle_statements;
 use wfl::{Diagnostic, NoFiles, SourceMap, resolve};
+use wfl_checks::locked_bodies;
 use wfl_compiler::{InterpreterBackend, backend::KernelBackend};
+use wfl_discrete::{pruning::Pruning, system::FIXED};
 use wfl_jit::JitBackend;
-use wfl_runtime::{
-    Equations, FIXED, Measured, Outcome, Prepared, Pruning, Quiet, RuleChoice, RunOptions, Scene,
-    checks::locked_bodies, prepare_keeping, run,
-};
+use wfl_problem::{Equations, Measured, Prepared, RuleChoice, Scene, prepare_keeping};
+use wfl_run::{Outcome, Quiet, RunOptions, run};
 
 use crate::{doubts, fuzz::Random};
 

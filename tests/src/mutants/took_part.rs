@@ -3,7 +3,9 @@
 //! told. A prescribed value must hold, whatever else is prescribed.
 
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::{FIXED, Form, Measured, Scene, StepResult};
+use wfl_discrete::system::{FIXED, Form};
+use wfl_problem::{Measured, Scene};
+use wfl_run::StepResult;
 
 use super::{Mutant, mutate::word, ready};
 use crate::fuzz::Random;

@@ -3,13 +3,14 @@
 //! Messages are those of the library; the command adds the names of what is not held and the place of an expression
 //! (its own tests look at those).
 
+use wfl_newton::Stop;
+
 use super::{
     Benchmark, Case, Tolerance,
     common::{converged, or_failed},
     two_block::{AUGMENTED, NITSCHE, PENALTY, SIZE, SLIP, STICK, State, YOUNG, merged},
 };
 use crate::{Attempt, Solved, attempt, doubts, examples};
-use wfl_runtime::newton::Stop;
 
 const ORIGIN: &str = "closed form of B1";
 const OUTCOME: &str = "an error that says why, no result";

@@ -3,7 +3,8 @@
 
 use std::time::Instant;
 
-use wfl_runtime::{RunOptions, solve::Precision};
+use wfl_run::RunOptions;
+use wfl_sparse::solve::Precision;
 
 use super::{
     Benchmark, Case, Tolerance,

@@ -6,14 +6,17 @@
 
 use std::path::PathBuf;
 
+use wfl_contact::coercivity;
+use wfl_jit::JitBackend;
+use wfl_output::Hash;
+use wfl_run::{Outcome, Progress, Quiet, RunOptions, StepResult, run};
+
 use super::{
     Benchmark, Case, Tolerance,
     common::{converged, or_failed},
     two_block::{NITSCHE, SIZE, STICK, YOUNG, scene},
 };
 use crate::{Attempt, attempt, doubts, examples, prepared};
-use wfl_jit::JitBackend;
-use wfl_runtime::{Outcome, Progress, Quiet, RunOptions, StepResult, contact::coercivity, output::Hash, run};
 
 const fn row(id: &'static str, title: &'static str, origin: &'static str, run: fn() -> Vec<Case>) -> Benchmark {
     Benchmark { id, title, origin, slow: false, open: None, run }
@@ -153,7 +156,7 @@ fn constants() -> Vec<Case> {
         let scene = prepared(&examples(), text, &[], &[], &backend)?;
         let first = scene.at_first_step().map_err(|e| e.to_string())?;
         let found = coercivity(&first.system, &first.contact);
-        Ok(found.first().map_or(f64::NAN, wfl_runtime::contact::Coercivity::smallest))
+        Ok(found.first().map_or(f64::NAN, wfl_contact::Coercivity::smallest))
     };
     known
         .into_iter()
@@ -295,7 +298,7 @@ fn wrong_checkpoint() -> Vec<Case> {
         let _ = std::fs::remove_dir_all(&folder.0);
         std::panic::catch_unwind(|| run_in(folder.0.clone(), false, "[4,4,4]", 1, &mut Stop(2))).is_err()
     };
-    let file = folder.0.join(wfl_runtime::CHECKPOINT_FILE);
+    let file = folder.0.join(wfl_run::CHECKPOINT_FILE);
     let refused = |what: &str, words: &str, ready: bool, result: Result<Outcome, String>| {
         let message = result.as_ref().err().cloned().unwrap_or_default();
         Case::new(what)

@@ -5,8 +5,12 @@
 use std::path::{Path, PathBuf};
 
 use wfl_compiler::types::FieldKind;
+use wfl_discrete::{
+    system::{Branches, System},
+    window::Window,
+};
 use wfl_jit::JitBackend;
-use wfl_runtime::{Branches, Scene, System, Window};
+use wfl_problem::Scene;
 
 use super::{Benchmark, Case, Tolerance, common::or_failed};
 use crate::{Sequence, examples, prepared, scene_files};

@@ -7,7 +7,7 @@ use std::{fmt::Write as _, path::Path};
 
 use wfl::{Diagnostic, Edit, NoFiles, SourceMap, edits, one_per_cause, render, resolve};
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::prepare;
+use wfl_problem::prepare;
 
 const TABLE: &str = include_str!("table.txt");
 

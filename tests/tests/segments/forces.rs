@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::{Scene, system::System};
+use wfl_discrete::system::System;
+use wfl_problem::Scene;
 use wfl_tests::{MeshFolder, prepared};
 
 use super::blocks::{Blocks, Cells};

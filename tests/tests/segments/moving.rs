@@ -2,13 +2,15 @@
 
 use std::time::Instant;
 
+use wfl_discrete::domain::nearest_points;
+use wfl_run::RunOptions;
+use wfl_tests::{MeshFolder, Solved, attempt_with, reference, solve};
+
 use super::{
     blocks::{Blocks, Cells, Grid, grids},
     folder, solved,
 };
 use Cells::{Hexahedra, Quadrilaterals, Tetrahedra, Triangles, Wedges};
-use wfl_runtime::{RunOptions, domain::nearest_points};
-use wfl_tests::{MeshFolder, Solved, attempt_with, reference, solve};
 
 const PRESS: f64 = 0.08;
 const GAMMA: f64 = 1e3;
@@ -191,7 +193,7 @@ fn points_that_come_and_go_find_their_branches_and_forces_add_up() {
     let at = |u: &[f64]| term.integrator.at(&system.mesh, system.values(u).view().current).domain;
     let now = at(u);
     let first = at(&found.outcome.steps[2].state);
-    let points = |d: &wfl_runtime::assemble::Domain| d.entities().filter(|(g, k)| !g.has_lost_its_image(*k)).count();
+    let points = |d: &wfl_discrete::assemble::Domain| d.entities().filter(|(g, k)| !g.has_lost_its_image(*k)).count();
     assert!(points(&now) != points(&first), "the number of points changes: {} {}", points(&first), points(&now));
     // faces to the right of the lower block have one point without an image each
     assert!(now.entities().any(|(g, k)| g.has_lost_its_image(k)));

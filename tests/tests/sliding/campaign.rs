@@ -3,13 +3,15 @@
 
 use std::path::Path;
 
-use wfl_runtime::{
+use wfl_discrete::{
     assemble::{AssembledTerm, FieldValues},
     domain::{Follows, MovingPoints},
-    element::Table,
-    mesh::{FacetRef, Mesh},
     space::Space,
     system::System,
+};
+use wfl_mesh::{
+    element::Table,
+    mesh::{FacetRef, Mesh},
 };
 use wfl_tests::{Sequence, Solved, attempt};
 
@@ -206,7 +208,7 @@ fn turned(system: &System, u: &[f64]) -> Vec<f64> {
 }
 
 /// The sum over nodes of a cell: `[i]` is the value, `[1 + j][i]` its derivative along reference direction j.
-fn at(mesh: &Mesh, space: &Space, cell: wfl_runtime::mesh::CellId, r: [f64; 3], u: &[f64]) -> [[f64; 2]; 3] {
+fn at(mesh: &Mesh, space: &Space, cell: wfl_mesh::mesh::CellId, r: [f64; 3], u: &[f64]) -> [[f64; 2]; 3] {
     let mut sum = [[0.0; 2]; 3];
     let mut add = |table: &Table, k: usize, value: [f64; 2]| {
         for (i, v) in value.into_iter().enumerate() {

@@ -4,14 +4,14 @@
 use std::path::Path;
 
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::{
-    Branches, Scene,
+use wfl_discrete::{
     assemble::{Follows, MovingPoints},
-    csr::Csr,
-    mesh::{CellKind, FacetRef, Mesh},
     space::Space,
-    system::System,
+    system::{Branches, System},
 };
+use wfl_mesh::mesh::{CellKind, FacetRef, Mesh};
+use wfl_problem::Scene;
+use wfl_sparse::csr::Csr;
 use wfl_tests::{Attempt, Sequence, attempt, doubts, examples, prepared, reference, solve};
 
 use super::{blocks, measure, solved, twisted};
@@ -327,7 +327,7 @@ fn parameters(kind: CellKind) -> Vec<[f64; 3]> {
 }
 
 /// Where a point of a cell is in the current placement.
-fn position(mesh: &Mesh, space: &Space, cell: wfl_runtime::mesh::CellId, r: [f64; 3], u: &[f64]) -> [f64; 3] {
+fn position(mesh: &Mesh, space: &Space, cell: wfl_mesh::mesh::CellId, r: [f64; 3], u: &[f64]) -> [f64; 3] {
     let mut y = mesh.point_at(cell, &mesh.geometry_element(mesh.kind(cell)).tabulate(&[r], 0), 0);
     let place = space.position_of_cell(cell).expect("the displacement lives here");
     let table = space.element_at(place).tabulate(&[r], 0);

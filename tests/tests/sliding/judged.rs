@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::contact::{Coercivity, coercivity};
+use wfl_contact::{Coercivity, coercivity};
 use wfl_tests::{Attempt, attempt, doubts, prepared};
 
 use super::{blocks, measure, solved};

@@ -7,7 +7,7 @@ use wfl_compiler::{
     InterpreterBackend,
     types::{FieldOp, Side},
 };
-use wfl_runtime::{Branches, system::System};
+use wfl_discrete::system::{Branches, System};
 use wfl_tests::{Sequence, prepared};
 
 use super::{blocks, pattern::differences};

@@ -13,7 +13,7 @@ mod turning;
 use std::path::Path;
 
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::system::System;
+use wfl_discrete::system::System;
 use wfl_tests::{Attempt, Solved, attempt, doubts, examples, prepared, reference, solve};
 
 /// Two blocks in contact along y = 1.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use wfl_compiler::InterpreterBackend;
-use wfl_runtime::{Branches, system::System};
+use wfl_discrete::system::{Branches, System};
 use wfl_tests::{Sequence, prepared};
 
 use super::blocks;
@@ -52,7 +52,7 @@ fn a_tangent_is_that_of_its_state_whatever_came_before() {
 }
 
 /// Along a few directions the tangent is the difference of residuals.
-pub(super) fn differences(system: &System, u: &[f64], tangent: &wfl_runtime::csr::Csr) {
+pub(super) fn differences(system: &System, u: &[f64], tangent: &wfl_sparse::csr::Csr) {
     let mut random = Sequence(11);
     for _ in 0..3 {
         let direction: Vec<f64> = (0..u.len()).map(|_| random.number()).collect();

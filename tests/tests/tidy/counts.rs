@@ -24,7 +24,7 @@ fn lines_with(words: &[&str]) -> Vec<String> {
 #[test]
 fn a_scene_does_not_change_once_it_is_made() {
     // where it is made, a scheme adds what it needs of the mass
-    let made = |line: &String| line.starts_with("runtime/src/scene/");
+    let made = |line: &String| line.starts_with("runtime/problem/src/");
     let found: Vec<String> = lines_with(&["&mut Scene"]).into_iter().filter(|line| !made(line)).collect();
     assert!(found.is_empty(), "solve with `Scene::equations`, which are a copy:\n{}", found.join("\n"));
 }
@@ -34,11 +34,11 @@ fn what_an_attempt_has_changed_is_put_back_in_one_place() {
     // what is put back was copied before: what attempts change, rates that others take the place of, and what somebody who
     // solves the equations of his own starts from
     let owners = [
-        "runtime/src/run/standing.rs",
+        "runtime/run/src/standing.rs",
         "runtime/discrete/src/system",
-        "runtime/src/accuracy/data.rs",
+        "runtime/adapt/src/accuracy/data.rs",
         // derivatives go through the steps of a run that has ended
-        "runtime/src/gradient/standing.rs",
+        "runtime/gradient/src/standing.rs",
     ];
     let mut copies = lines_with(&["known.clone()", "set_known(", "rates.clone()", "set_rates("]);
     copies.retain(|line| !line.contains("let mut in_steps = known.clone()"));

@@ -6,7 +6,7 @@ use std::{
 };
 
 use wfl_charts::Edge;
-use wfl_runtime::output::{Array, Identity, Kind, OutputDir, OutputError, Piece, Plan, Series, VtkCell};
+use wfl_output::{Array, Identity, Kind, OutputDir, OutputError, Piece, Plan, Series, VtkCell};
 
 use super::super::{Whole, read_pieces, read_whole};
 use super::*;

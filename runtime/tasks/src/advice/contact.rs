@@ -1,10 +1,8 @@
 //! What is said of the formulation of contact: whether it carries the stress of the bodies (`runtime/checks/src/consistency`).
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{
-    Scene,
-    consistency::{ContactForm, Mistake, Verdict},
-};
+use wfl_checks::consistency::{ContactForm, Mistake, Verdict};
+use wfl_problem::Scene;
 
 use crate::Loaded;
 

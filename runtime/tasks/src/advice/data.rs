@@ -5,7 +5,7 @@ use wfl::{
     ast::{Expr, ExprKind},
     children, cond_children, each_name,
 };
-use wfl_runtime::Scene;
+use wfl_problem::Scene;
 
 use crate::Loaded;
 

@@ -1,7 +1,9 @@
 //! W611 for bodies that are not positive definite.
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{Equations, NegativeBody, checks::negative_bodies, finite};
+use wfl_checks::{NegativeBody, negative_bodies};
+use wfl_discrete::finite;
+use wfl_problem::Equations;
 
 use crate::Loaded;
 

@@ -1,7 +1,9 @@
 //! W517 for contact laws whose distance has the wrong sign.
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{Equations, ReversedGap, Scene, checks::reversed_gaps, finite};
+use wfl_checks::{ReversedGap, reversed_gaps};
+use wfl_discrete::finite;
+use wfl_problem::{Equations, Scene};
 
 /// W517 for each contact law through a mapping whose distance is the opposite of that of the mesh.
 pub(super) fn signs(scene: &Scene, first: &Equations) -> Vec<Diagnostic> {

@@ -1,7 +1,8 @@
 //! W511 for rules of a scene that leave deformations of a cell without stiffness.
 
 use wfl::{Code, Diagnostic, ast::QuadratureRule};
-use wfl_runtime::{Hourglass, Scene};
+use wfl_checks::Hourglass;
+use wfl_problem::Scene;
 
 use crate::Loaded;
 

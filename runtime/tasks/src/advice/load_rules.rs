@@ -1,7 +1,9 @@
 //! W512 for loads that their quadrature rules do not resolve.
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{CoarseLoad, Scene, finite};
+use wfl_checks::CoarseLoad;
+use wfl_discrete::finite;
+use wfl_problem::Scene;
 
 /// W512 for each load whose nodal forces a rule with more points moves.
 pub(super) fn loads(scene: &Scene) -> Vec<Diagnostic> {

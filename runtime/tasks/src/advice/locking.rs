@@ -1,7 +1,9 @@
 //! W513 for nearly incompressible bodies on elements of degree 1.
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{Equations, LockedBody, Scene, checks::locked_bodies, finite};
+use wfl_checks::{LockedBody, locked_bodies};
+use wfl_discrete::finite;
+use wfl_problem::{Equations, Scene};
 
 /// W513 for each displacement of degree 1 whose body is nearly incompressible at the first step.
 pub(super) fn bodies(scene: &Scene, first: &Equations) -> Vec<Diagnostic> {

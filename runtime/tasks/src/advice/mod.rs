@@ -17,7 +17,7 @@ pub mod signs;
 mod tractions;
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{Equations, Scene};
+use wfl_problem::{Equations, Scene};
 
 use crate::Loaded;
 

@@ -1,10 +1,8 @@
 //! What is said of the parameters of Nitsche's method, at the place where they are given.
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{
-    Equations, Scene,
-    contact::{Coercivity, coercivity},
-};
+use wfl_contact::{Coercivity, coercivity};
+use wfl_problem::{Equations, Scene};
 
 use crate::{
     Loaded,

@@ -1,11 +1,9 @@
 //! W514 for bodies whose law does not know a rotation, W515 for shears that are counted twice or half.
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{
-    CubicBody, Equations, Scene, Turning, TurningBody,
-    checks::{cubic_bodies, turning_bodies},
-    finite,
-};
+use wfl_checks::{CubicBody, Turning, TurningBody, cubic_bodies, turning_bodies};
+use wfl_discrete::finite;
+use wfl_problem::{Equations, Scene};
 
 use crate::Loaded;
 

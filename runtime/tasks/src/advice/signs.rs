@@ -1,7 +1,8 @@
 //! E613 and E614: loads that nothing balances, and interfaces that drive their sides.
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{DrivenSides, Scene, UnbalancedLoad};
+use wfl_checks::{DrivenSides, UnbalancedLoad};
+use wfl_problem::Scene;
 
 use crate::{Loaded, words::number};
 

@@ -1,13 +1,14 @@
 //! W518 for tractions that are declared as unknowns.
 
 use wfl::{Code, Diagnostic};
-use wfl_runtime::{Equations, Scene, checks::undeclared_multipliers};
+use wfl_checks::undeclared_multipliers;
+use wfl_problem::{Equations, Scene};
 
 use crate::Loaded;
 
 /// W518 for each unknown on faces that is a multiplier.
 pub(super) fn unknowns(loaded: &Loaded, scene: &Scene, first: &Equations) -> Vec<Diagnostic> {
-    let told = |of: wfl_runtime::checks::UndeclaredMultiplier| {
+    let told = |of: wfl_checks::UndeclaredMultiplier| {
         let (field, term) = (&of.field, &scene.terms[of.term].name);
         let d = Diagnostic::new(Code::W518, format!("`{field}` is a traction, declared as an unknown"));
         let declared = loaded.script.fields.iter().find(|f| f.name.name == *field).map(|f| f.name.span);

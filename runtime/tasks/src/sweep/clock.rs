@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use wfl_runtime::{
+use wfl_adapt::{
     accuracy::work,
     knobs::{Setting, mesh_words},
 };

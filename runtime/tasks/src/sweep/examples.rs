@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use wfl_runtime::knobs::number;
+use wfl_adapt::knobs::number;
 
 use super::{
     Job,

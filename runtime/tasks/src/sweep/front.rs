@@ -1,7 +1,7 @@
 //! Evaluation of a table of runs: the Pareto front, the cheapest setting for a demanded error, and the main source of
 //! the error of a run. Reads rows only.
 
-use wfl_runtime::compare::MEASURE;
+use wfl_adapt::compare::MEASURE;
 
 use super::table::{Row, columns};
 

@@ -4,7 +4,7 @@
 //! brackets belongs to the value. Values are kept as texts, as they were requested.
 
 use thiserror::Error;
-use wfl_runtime::knobs::number;
+use wfl_adapt::knobs::number;
 
 /// A knob with the values to try.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -29,11 +29,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use wfl_adapt::knobs;
 use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{
-    NO_SAMPLING, knobs,
-    output::{Kind, OutputDir, OutputError, Plan, State},
-};
+use wfl_output::{Kind, OutputDir, OutputError, Plan, State};
+use wfl_problem::NO_SAMPLING;
 
 use self::{lists::Knob, reference::Reference, references::reference_file, table::Row};
 use crate::{

@@ -3,7 +3,7 @@
 //! Every row is shown somewhere: solved runs in the plots and the table of all runs, failures in a table of their own.
 
 use wfl_charts::{Chart, Colour, Page, Scale, Section, Series, Table};
-use wfl_runtime::output::{OutputDir, OutputError};
+use wfl_output::{OutputDir, OutputError};
 
 use super::{
     convergence,

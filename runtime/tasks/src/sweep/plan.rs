@@ -9,7 +9,7 @@ use std::{
     time::Instant,
 };
 
-use wfl_runtime::knobs::Setting;
+use wfl_adapt::knobs::Setting;
 
 use super::{
     Method, Sweep,

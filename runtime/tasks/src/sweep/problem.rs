@@ -12,7 +12,7 @@ use wfl::{
     ResolvedScript,
     ast::{BoxDivision, Expr, MeshSource, OptionItem, OptionValue},
 };
-use wfl_runtime::accuracy::method_word;
+use wfl_adapt::accuracy::method_word;
 
 use super::{
     Method,

@@ -9,14 +9,14 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use wfl_compiler::backend::KernelBackend;
-use wfl_runtime::{
-    SampleAt, Samples,
+use wfl_adapt::{
     compare::{Compared, NORM_DEGREE, Solved, differences, measures, sampled},
-    input::InputKind,
     knobs::{Setting, number},
-    output::{Hash, OutputDir},
 };
+use wfl_compiler::backend::KernelBackend;
+use wfl_host::input::InputKind;
+use wfl_output::{Hash, OutputDir};
+use wfl_problem::{SampleAt, Samples};
 
 use super::table::write_text;
 use crate::{
@@ -164,5 +164,5 @@ pub(super) fn compare(one: &mut Reference, other: &mut Reference) {
 
 /// The unknowns of a scene have at most this degree.
 pub(super) fn largest_degree(known: &Known) -> usize {
-    known.scene.system.fields.iter().map(wfl_runtime::field::Field::degree).max().unwrap_or(1)
+    known.scene.system.fields.iter().map(wfl_discrete::field::Field::degree).max().unwrap_or(1)
 }

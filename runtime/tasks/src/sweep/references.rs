@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path, time::Instant};
 
-use wfl_runtime::knobs::{Setting, number};
+use wfl_adapt::knobs::{Setting, number};
 
 use super::{
     Against, Method, Sweep,

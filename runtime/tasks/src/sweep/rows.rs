@@ -1,6 +1,6 @@
 //! One row of a sweep: the repeated runs of a setting, its errors, times and costs.
 
-use wfl_runtime::{
+use wfl_adapt::{
     compare::{Solved, measures},
     knobs::Setting,
 };
@@ -151,9 +151,9 @@ fn costs(row: &mut Row, solved: &Solved) {
     row.number("dofs", report.dofs as f64);
     row.number("cells", report.mesh.cells as f64);
     row.number("steps", steps.len() as f64);
-    row.number("iterations", steps.iter().map(wfl_runtime::StepResult::iterations).sum::<usize>() as f64);
+    row.number("iterations", steps.iter().map(wfl_run::StepResult::iterations).sum::<usize>() as f64);
     row.number("factorisations", report.factorisations as f64);
-    let residual = |s: &wfl_runtime::StepResult| s.history.iterations.last().map(|i| i.residual);
+    let residual = |s: &wfl_run::StepResult| s.history.iterations.last().map(|i| i.residual);
     if let Some(largest) = steps.iter().filter_map(residual).max_by(f64::total_cmp) {
         row.number("residual", largest);
     }

@@ -6,10 +6,8 @@
 use std::path::Path;
 
 use thiserror::Error;
-use wfl_runtime::{
-    input::InputKind,
-    output::{OutputDir, OutputError},
-};
+use wfl_host::input::InputKind;
+use wfl_output::{OutputDir, OutputError};
 
 use crate::scene_file::read_text;
 
@@ -144,7 +142,7 @@ fn cells(text: &str) -> Vec<Vec<String>> {
 
 #[cfg(test)]
 mod tests {
-    use wfl_runtime::output::{Kind, Plan};
+    use wfl_output::{Kind, Plan};
 
     use super::*;
 

@@ -8,11 +8,9 @@ use std::{
     time::Instant,
 };
 
-use wfl_runtime::{
-    input::InputKind,
-    knobs::MARKS,
-    output::{REPORT_FILE, Report},
-};
+use wfl_adapt::knobs::MARKS;
+use wfl_host::input::InputKind;
+use wfl_output::{REPORT_FILE, Report};
 
 use super::{
     Job,

@@ -9,7 +9,7 @@ mod contact;
 
 use std::{io::Write as _, path::Path};
 
-use wfl_runtime::{RuleChoice, TermSummary};
+use wfl_problem::{RuleChoice, TermSummary};
 use wfl_tests::{Solved, solve};
 
 /// Far above every degree that is tried on bulk; where kinks cut facets, no rule is exact.

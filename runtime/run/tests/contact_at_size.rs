@@ -1,0 +1,171 @@
+//! GMRES with multigrid and a filter on the contact against factors: the same iterations of Newton and the same measures on
+//! the fault.
+
+use std::{path::Path, time::Instant};
+
+use wfl::{NoFiles, SourceMap, resolve};
+use wfl_jit::JitBackend;
+use wfl_problem::{Scene, prepare};
+use wfl_run::{Outcome, Quiet, RunOptions, run};
+
+const FAULT: &str = include_str!("../../../examples/fault/fault.wfl");
+const PENALTY: &str = include_str!("../../../examples/fault/penalty.wfl");
+const NITSCHE: &str = include_str!("../../../examples/fault/nitsche.wfl");
+const AUGMENTED: &str = include_str!("../../../examples/fault/augmented_lagrangian.wfl");
+
+/// The fault in one text with four steps, a method of contact with what is replaced in it, and a linear solver; without files.
+fn fault(cells: usize, method: &str, edits: &[(&str, &str)], linear: &str) -> String {
+    let body = method.replace("use \"fault.wfl\"\n", "").replace("wfl 1\n", "");
+    let whole =
+        FAULT.replace("to 9.5 by 0.5", "to 9 by 3").replace("[8, 8, 8]", &format!("[{cells}, {cells}, {cells}]"));
+    let text = edits.iter().fold(format!("{whole}{body}"), |text, (old, new)| {
+        assert!(text.contains(old), "{old}");
+        text.replace(old, new)
+    });
+    let kept: Vec<&str> = text.lines().filter(|line| !line.starts_with("output")).collect();
+    format!("{}\nsolver linear with {linear}\n", kept.join("\n"))
+}
+
+fn prepared(text: &str) -> Scene {
+    let mut sources = SourceMap::new();
+    let main = sources.add("scene.wfl", text.to_owned());
+    let script = resolve(&mut sources, main, &mut NoFiles, &[]);
+    let backend = JitBackend::new().expect("machine code");
+    let made = prepare(&script.value.expect("a script"), Path::new("."), &backend);
+    made.scene.unwrap_or_else(|| panic!("{:?}", made.diagnostics))
+}
+
+fn outcome(text: &str, threads: usize) -> Outcome {
+    let outcome = run(&prepared(text), &RunOptions::without_files(threads, Instant::now()), &mut Quiet).expect("a run");
+    assert!(outcome.converged());
+    outcome
+}
+
+/// The solver in words, and Newton's iterations and measures by step.
+fn told(outcome: &Outcome) -> (String, Vec<usize>, Vec<Vec<f64>>) {
+    let iterations = |step: &wfl_run::StepResult| step.history.iterations.last().map_or(0, |last| last.number);
+    let values = |step: &wfl_run::StepResult| step.measures.iter().map(|(_, value)| *value).collect();
+    (
+        outcome.report.solver.clone().unwrap_or_default(),
+        outcome.steps.iter().map(iterations).collect(),
+        outcome.steps.iter().map(values).collect(),
+    )
+}
+
+/// The fault with the iteration has the iterations of Newton and the measures that it has with factors.
+fn agrees(cells: usize, method: &str, edits: &[(&str, &str)]) {
+    let with = |linear: &str| told(&outcome(&fault(cells, method, edits, linear), 2));
+    let (factor, iteration) = (with("direct"), with("gmres, amg"));
+    assert!(!factor.0.contains("GMRES") && iteration.0.contains("GMRES"), "{} / {}", factor.0, iteration.0);
+    assert!(!iteration.0.contains("in place of"), "{}", iteration.0);
+    assert_eq!(factor.1, iteration.1, "{edits:?}: {}", iteration.0);
+    for measure in 0..factor.2[0].len() {
+        let largest = factor.2.iter().fold(0.0f64, |largest, step| largest.max(step[measure].abs()));
+        let forces = factor.2.iter().fold(0.0f64, |largest, step| largest.max(step[0].abs()));
+        // a sum that is zero but for what cancels in it is compared with the force
+        let size = if largest < 1e-9 * forces { forces } else { largest };
+        for (a, b) in factor.2.iter().zip(&iteration.2) {
+            let missed = (a[measure] - b[measure]).abs();
+            assert!(missed <= 1e-9 * size, "{edits:?}, measure {measure}: {:e} and {:e}", a[measure], b[measure]);
+        }
+    }
+}
+
+#[test]
+fn penalty_has_the_iterations_and_measures_of_factors() {
+    agrees(8, PENALTY, &[]);
+}
+
+#[test]
+fn the_incomplete_and_the_skew_symmetric_variant_of_nitsche_have_them() {
+    for theta in ["0 ", "-1"] {
+        agrees(8, NITSCHE, &[("theta = 0 ", &format!("theta = {theta}"))]);
+    }
+}
+
+/// Its stress term takes so much from the bodies that they, and the levels with contact, are not positive definite.
+#[test]
+fn the_symmetric_variant_gets_a_factor_and_is_told_so() {
+    let (solver, ..) = told(&outcome(&fault(8, NITSCHE, &[("theta = 0 ", "theta = 1 ")], "gmres, amg"), 2));
+    assert!(solver.contains("a factor in place of GMRES with multigrid: no levels of multigrid"), "{solver}");
+}
+
+#[test]
+fn augmented_lagrangians_have_them() {
+    agrees(8, AUGMENTED, &[]);
+}
+
+#[cfg(not(debug_assertions))]
+#[test]
+fn finer_faults_have_them() {
+    agrees(16, PENALTY, &[]);
+    agrees(16, AUGMENTED, &[]);
+    for (theta, gamma) in [("0 ", "1e5"), ("-1", "1e5"), ("0 ", "5e6")] {
+        agrees(
+            16,
+            NITSCHE,
+            &[("theta = 0 ", &format!("theta = {theta}")), ("gamma = 1e5", &format!("gamma = {gamma}"))],
+        );
+    }
+}
+
+/// Iterations of GMRES for a solution.
+#[cfg(not(debug_assertions))]
+fn iterations_a_solution(cells: usize, method: &str, edits: &[(&str, &str)]) -> f64 {
+    let (solver, ..) = told(&outcome(&fault(cells, method, edits, "gmres, amg"), 2));
+    let counted: Vec<f64> = solver
+        .rsplit("; ")
+        .next()
+        .map_or(Vec::new(), |counts| counts.split(' ').filter_map(|word| word.parse().ok()).collect());
+    let [iterations, solutions] = counted[..] else { panic!("{solver}") };
+    iterations / solutions
+}
+
+/// Levels know the augmentation and not the multipliers, so augmented Lagrangians grow most.
+#[cfg(not(debug_assertions))]
+#[test]
+fn the_number_of_iterations_hardly_grows_on_finer_faults() {
+    let (incomplete, skew) = ([("theta = 0 ", "theta = 0 ")], [("theta = 0 ", "theta = -1")]);
+    let methods: [(&str, &[(&str, &str)], f64); 4] =
+        [(NITSCHE, &incomplete, 1.3), (NITSCHE, &skew, 1.3), (PENALTY, &[], 1.3), (AUGMENTED, &[], 1.35)];
+    for (method, edits, growth) in methods {
+        let [coarse, fine] = [12, 24].map(|cells| iterations_a_solution(cells, method, edits));
+        assert!(fine <= growth * coarse && fine <= 12.5, "{edits:?}: {coarse:.1} and {fine:.1}");
+    }
+}
+
+#[test]
+fn results_have_the_same_bits_for_any_number_of_threads() {
+    let text = fault(8, NITSCHE, &[("to 9 by 3", "to 6 by 3")], "gmres, amg");
+    let of = |threads: usize| {
+        let outcome = outcome(&text, threads);
+        outcome.steps.iter().flat_map(|step| step.measures.iter().map(|(_, v)| v.to_bits())).collect::<Vec<_>>()
+    };
+    let one = of(1);
+    assert!([2, 3].iter().all(|threads| of(*threads) == one));
+}
+
+#[test]
+fn a_small_scene_never_meets_it() {
+    let text = fault(8, NITSCHE, &[], "gmres, amg").replace("solver linear with gmres, amg\n", "");
+    let scene = prepared(&text);
+    let options = wfl_sparse::solve::SolverOptions::default();
+    let plan = wfl_newton::LinearSolver::plan(&scene.system, &options).to_string();
+    assert!(plan.contains("factored once (LLT)"), "{plan}");
+}
+
+#[test]
+fn where_it_cannot_be_used_the_message_says_why() {
+    let text =
+        fault(4, NITSCHE, &[("sigma(uL):Grad_Test_uL", "(sigma(uL) + uL(1)*uL(1)*Id(3)):Grad_Test_uL")], "gmres, amg");
+    let mut sources = SourceMap::new();
+    let main = sources.add("scene.wfl", text);
+    let script = resolve(&mut sources, main, &mut NoFiles, &[]).value.expect("a script");
+    let made = prepare(&script, Path::new("."), &JitBackend::new().expect("machine code"));
+    let told = made.diagnostics.iter().find(|d| d.code == wfl::Code::E442).expect("E442");
+    assert!(
+        told.message.contains("`gmres` cannot be used here: the term `elastic on left` is not linear"),
+        "{}",
+        told.message
+    );
+}
