@@ -1,5 +1,7 @@
 //! Which expressions cannot be negative, as far as their form shows it, and the warning that rests on it (W502).
 
+mod range;
+
 use std::cell::Cell;
 
 use wfl::{Code, Diagnostic};
@@ -39,9 +41,11 @@ pub(crate) fn radius_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnosti
     out
 }
 
-/// True if the entries are at least 0 whatever the unknowns are, as far as the form shows it.
+/// True if the entries are at least 0 whatever the unknowns are, as far as the form shows it, or the ranges of its functions.
 fn never_negative(g: &Graph, e: ExprId) -> bool {
-    Known { g, larger: Vec::new(), left: &Cell::new(MOST) }.has(e, Sign::AtLeastZero)
+    let left = Cell::new(MOST);
+    let has = |e: ExprId| Known { g, larger: Vec::new(), left: &left }.has(e, Sign::AtLeastZero);
+    has(e) || range::range(g, e, &|inside| inside != e && has(inside))[0] >= 0.0
 }
 
 /// Parts of an expression that are looked at: each product asks for both signs of both factors.
@@ -121,15 +125,32 @@ impl Known<'_> {
             }
             Node::Stack(parts) => parts.iter().all(|part| self.has(*part, sign)),
             Node::Norm(_) | Node::BallRatio(..) => is_positive,
-            Node::Map(f, _) => {
-                is_positive
-                    && matches!(f, Function1::Sqrt | Function1::Math(MathFn1::Exp | MathFn1::Cosh | MathFn1::Acosh))
+            Node::Map(f, a) => {
+                let is_odd = matches!(
+                    f,
+                    Function1::Math(
+                        MathFn1::Tanh
+                            | MathFn1::Asinh
+                            | MathFn1::Atan
+                            | MathFn1::Erf
+                            | MathFn1::Sinh
+                            | MathFn1::Log1p
+                            | MathFn1::Expm1
+                    )
+                );
+                is_odd && self.has(*a, sign) || is_positive && self.never_falls_below_zero(e)
             }
+            Node::Map2(..) => is_positive && self.never_falls_below_zero(e),
             Node::Select(mask, a, b) => {
                 self.beside(*mask, Branch::Holds).has(*a, sign) && self.beside(*mask, Branch::Fails).has(*b, sign)
             }
             _ => false,
         }
+    }
+
+    /// Whether the range of a function is that of numbers that are not negative; what is inside may be so for a reason of its own.
+    fn never_falls_below_zero(&self, e: ExprId) -> bool {
+        range::range(self.g, e, &|inside| inside != e && self.has(inside, Sign::AtLeastZero))[0] >= 0.0
     }
 
     /// Whether a condition says it: of the larger side, if the smaller one is at least zero, of a side itself, and of a

@@ -160,6 +160,27 @@ fn a_finer_run_is_the_reference_and_knows_its_own_error() {
     assert!(number(&rows[1], "reference error H1") < 0.1 * number(&rows[1], "error H1"));
 }
 
+/// A reference of another problem tells no errors.
+#[test]
+fn a_reference_from_a_file_is_that_of_its_problem() {
+    let out = folder("other-problem");
+    let scene = out.join("block.wfl");
+    std::fs::write(&scene, BLOCK).expect("written");
+    let name = scene.display().to_string();
+    assert!(wfl(&[&name, "nu=0.1", "-q"], &out).status.success());
+    let kept = std::fs::copy(out.join("reference_1.json"), out.join("../kept_reference.json"));
+    assert!(kept.is_ok());
+    let file = out.join("../kept_reference.json").display().to_string();
+    let other = folder("other-problem-again");
+    std::fs::write(other.join("block.wfl"), BLOCK).expect("written");
+    let name = other.join("block.wfl").display().to_string();
+    assert!(wfl(&[&name, "nu=0.1,0.3", "--reference", &file, "-q"], &other).status.code().is_some());
+    let rows = rows(&other);
+    let message = |k: usize| cell(&rows[k], "message").to_owned();
+    assert!(!message(0).contains("the reference"), "{rows:?}");
+    assert!(message(1).contains("has nu = 0.1, and this run 0.3"), "{rows:?}");
+}
+
 #[test]
 fn a_sweep_that_means_nothing_is_refused_with_a_reason() {
     let out = folder("refused");

@@ -126,6 +126,21 @@ impl PointValues {
         Ok(Self { names, positions, values, lines: lines_of })
     }
 
+    /// True if the column `s` is the distance along the line that an output wrote: a field of that name has no column then.
+    #[must_use]
+    pub fn has_distances(&self) -> bool {
+        let Some(column) = self.names.iter().position(|n| n == "s") else { return false };
+        let at = |row: usize| self.values[row * self.names.len() + column];
+        let apart = |row: usize| {
+            let [a, b] = [self.positions[row], self.positions[row - 1]];
+            (0..3).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>().sqrt()
+        };
+        let rows = self.positions.len();
+        let length: f64 = (1..rows).map(apart).sum();
+        let is_next = |row: usize| (at(row) - at(row - 1) - apart(row)).abs() <= SAME_PLACE * length;
+        rows > 1 && length > 0.0 && at(0) == 0.0 && (1..rows).all(is_next)
+    }
+
     /// True if there is a column for the field.
     #[must_use]
     pub fn has(&self, field: &str) -> bool {

@@ -27,6 +27,10 @@ const HIDDEN: f64 = 1e-3;
 /// times too steep.
 const DOUBTS: usize = 20;
 
+/// How many iterations may be made with a body held that the tangent leaves loose: what holds it may close in each of the first ones,
+/// one after another, and a body that nothing holds is told after as many.
+const HELD: usize = 4;
+
 /// Where an attempt is.
 struct Attempt<'u> {
     u: &'u mut [f64],
@@ -47,6 +51,33 @@ struct Attempt<'u> {
     not_held: Option<(NewtonError, Contact)>,
     /// Iterations that went on from a state whose residual counts as rounding and is large.
     doubts: usize,
+    /// Iterations that held what the first tangent left loose, why it was singular, and what the next one holds.
+    held: usize,
+    loose: Option<NewtonError>,
+    holds: Option<Hold>,
+}
+
+/// A stiffness at one free dof: that which its body has there.
+struct Hold {
+    free: usize,
+    stiffness: f64,
+}
+
+impl Hold {
+    /// Of a tangent with a null vector: the dof that moves most, of those at which a stiffness can be added.
+    fn of(step: &LoadStep<'_>, error: &NewtonError) -> Option<Self> {
+        let NewtonError::Solve(SolveError::Singular { mode, .. }) = error else { return None };
+        let changing = &step.tangent.changing;
+        let pattern = changing.pattern();
+        let stiffness = |free: usize| (step.system.bulk().get(free, free) + changing.get(free, free)).abs();
+        let fits = |free: usize| {
+            let columns = &pattern.columns()[pattern.row_starts()[free]..pattern.row_starts()[free + 1]];
+            columns.contains(&(free as u32)) && stiffness(free) > 0.0
+        };
+        let moved = mode.values().iter().enumerate().filter(|(free, x)| **x != 0.0 && fits(*free));
+        let (free, _) = moved.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+        Some(Self { free, stiffness: stiffness(free) })
+    }
 }
 
 /// Solves a step from `u`, or from `predicted` where that is better.
@@ -66,8 +97,23 @@ pub(super) fn iterate(
     let here = begin(step, u, predicted, &norm, &mut history)?;
     let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
     let (path, direction) = (None, Vec::new());
-    let mut attempt =
-        Attempt { u, start, before, here, norm, schedule, path, best, direction, history, not_held: None, doubts: 0 };
+    let mut attempt = Attempt {
+        u,
+        start,
+        before,
+        here,
+        norm,
+        schedule,
+        path,
+        best,
+        direction,
+        history,
+        not_held: None,
+        doubts: 0,
+        held: 0,
+        loose: None,
+        holds: None,
+    };
     attempt.run(step)?;
     Ok(attempt.history)
 }
@@ -200,6 +246,15 @@ impl Attempt<'_> {
 
     /// Refines a state whose residual is rounding, where that helps.
     fn finish(&mut self, step: &mut LoadStep<'_>, stop: Stop) -> Result<(), NewtonError> {
+        if let Some(error) = self.loose.take() {
+            // with what was held along the way a solution may be one of many
+            step.assemble_tangent(self.u, self.norm.frozen)?;
+            let mut direction = Vec::new();
+            let still = step.correct(&self.here.residual, 0.0, &mut direction, &mut self.history);
+            if matches!(still, Err(NewtonError::Solve(SolveError::Singular { .. }))) {
+                return Err(error);
+            }
+        }
         self.history.stop = Some(stop);
         if stop == Stop::Floor && step.options.search && refinement::helps(step, self.u, &self.here) {
             refinement::refine(step, self.u, &self.norm, &mut self.history)?;
@@ -220,6 +275,10 @@ impl Attempt<'_> {
             self.switch(step)?;
         }
         step.assemble_tangent(self.u, self.norm.frozen)?;
+        if let Some(Hold { free, stiffness }) = self.holds.take() {
+            let is_there = step.tangent.changing.add_to(free, free, stiffness);
+            debug_assert!(is_there, "the pattern stays within an attempt");
+        }
         if self.doubts > 0 {
             // a correction along a slope beside which the bodies are rounding moves nothing; without one there is nothing to make flatter
             let _ = step.system.soften(step.tangent);
@@ -287,6 +346,18 @@ impl Attempt<'_> {
             step.contact.stick_everywhere();
             self.here = step.measure(self.u, &self.norm)?;
             return Ok(false);
+        }
+        // what the first state leaves loose may be held by what the iteration finds: heat that crosses as contact presses
+        if singular && (number == 1 || self.held > 0) && self.held < HELD && self.not_held.is_none() {
+            self.holds = Hold::of(step, &error).filter(|_| !step.system.is_linear() && step.system.team().is_alone());
+            if self.holds.is_some() {
+                self.held += 1;
+                self.loose.get_or_insert(error);
+                return Ok(false);
+            }
+        }
+        if let Some(first) = self.loose.take() {
+            return Err(first);
         }
         let on_the_way = number > 1 && (singular || self.path.is_some() && error.is_of_the_state());
         let is_loose = number == 2 && self.not_held.is_some() && singular;

@@ -360,6 +360,11 @@ impl OutputMaker<'_> {
                     let d = Diagnostic::new(Code::E433, text);
                     self.diagnostics.push(d.at(item.span, "").help("u as share gives a quantity another name"));
                 }
+                if name.0 == "csv" && ["s", "x", "y", "z"].contains(&item.name.as_str()) && output.along.is_some() {
+                    let text = format!("`{}` is a column of positions in the file of a line", item.name);
+                    let d = Diagnostic::new(Code::E433, text);
+                    self.diagnostics.push(d.at(item.span, "").help("u as displacement gives a quantity another name"));
+                }
                 if let Some(first) = output.items[..i].iter().find(|f| f.name == item.name) {
                     let d =
                         Diagnostic::new(Code::E433, format!("two quantities of one file are called `{}`", item.name));

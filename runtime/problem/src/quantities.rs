@@ -1,5 +1,7 @@
 //! Values that are not terms: initial guesses, given fields.
 
+use std::collections::BTreeSet;
+
 use wfl::{Code, DataValue, Diagnostic, Span, StartKind, at_expr};
 use wfl_compiler::{
     compile_value,
@@ -7,6 +9,7 @@ use wfl_compiler::{
     without_fields,
 };
 use wfl_discrete::{
+    finite,
     point_values::{PointValues, SAME_PLACE},
     value::Value,
 };
@@ -72,6 +75,12 @@ impl Builder<'_> {
         for k in 0..self.fields.len() {
             if self.fields[k].kind != FieldKind::Data && table.has(&self.fields[k].name) {
                 let name = self.fields[k].name.clone();
+                let refused = self.is_no_start(&table, k);
+                if let Some((what, help)) = refused {
+                    let d = Diagnostic::new(Code::E418, format!("`{path}` does not fit `{name}`: {what}"));
+                    self.diagnostics.push(d.at(span, "").help(help));
+                    continue;
+                }
                 out.extend(self.table_values(&table, &name, k, (path, span)));
             }
         }
@@ -81,6 +90,24 @@ impl Builder<'_> {
             self.diagnostics.push(d.at(span, format!("the fields are {}", names.join(", "))));
         }
         out
+    }
+
+    /// Why the column of a file that has the name of a field is not its first values, and what helps.
+    fn is_no_start(&self, table: &PointValues, field: usize) -> Option<(String, &'static str)> {
+        let f = &self.fields[field];
+        if f.name == "s" && table.has_distances() {
+            return Some(("its column `s` is the distance along the line".to_owned(), "give the unknown another name"));
+        }
+        if f.kind != FieldKind::Unknown {
+            return None;
+        }
+        // adding zero takes the sign off a zero
+        let bits = |n: usize| f.node_position(n).map(|x| (x + 0.0).to_bits());
+        let mut seen = BTreeSet::new();
+        let twice = (0..f.n_nodes()).find(|n| !seen.insert(bits(*n)))?;
+        let at = finite::position(f.node_position(twice));
+        let what = format!("it has several values at {at}, and a file has one at a place");
+        Some((what, "a field of its own on each side, or an element of one value a cell, can be started from a file"))
     }
 
     /// A file of values at positions, read; `None` after a message.

@@ -265,6 +265,17 @@ impl StepFiles {
     }
 }
 
+/// The number of a face that slips in `contact_state`.
+const SLIPS: f64 = 1.0;
+
+/// The states of contact of faces from those of two terms on them, in whatever order they stand: one that slips does so under the
+/// pressure of the other one, and what touches one stop is in contact.
+fn joined(mut one: Vec<f64>, other: Vec<f64>) -> Vec<f64> {
+    let slips = |a: f64, b: f64| a == SLIPS || b == SLIPS;
+    one.iter_mut().zip(other).for_each(|(a, b)| *a = if slips(*a, b) { SLIPS } else { a.max(b) });
+    one
+}
+
 /// A table under the name of its file.
 pub(super) struct Table {
     pub(super) name: String,
@@ -291,12 +302,11 @@ pub(super) fn collect(scene: &Solving<'_>, step: &StepResult, place: StepPlace<'
         for sampled in &output.pieces {
             let mut piece = sampled.sample(&system.mesh, window, values);
             let entities = piece.cells.len();
-            let mut terms = system.terms.iter().zip(&step.branches).enumerate();
             let here = |t: &AssembledTerm| t.place.as_deref() == Some(sampled.support());
-            let states = terms.find_map(|(k, (t, branches))| {
-                t.contact_states(branches).filter(|_| here(t) && contact.pushes(system, k))
-            });
-            let states = states.filter(|s| s.len() == entities);
+            let terms = system.terms.iter().zip(&step.branches).enumerate();
+            let of_terms = terms.filter(|(k, (t, _))| here(t) && contact.pushes(system, *k));
+            let states = of_terms.filter_map(|(_, (t, branches))| t.contact_states(branches));
+            let states = states.filter(|s| s.len() == entities).reduce(joined);
             // a rank without faces takes other terms without any for those of the piece
             let is_there = system.mesh.holders().all(states.is_some());
             if let Some(states) = states.filter(|_| is_there) {

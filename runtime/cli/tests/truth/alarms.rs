@@ -546,44 +546,6 @@ fn examples_are_silent() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
-/// A rigid circle that moves sideways over a half space with friction: at a point of the face that is tested its normal is not that of the
-/// face, and its friction is that of a motion. The same with a pressure that pulls is told.
-#[test]
-fn a_round_indenter_that_moves_sideways_has_a_penalty() {
-    let scene = |sign: &str| {
-        format!(
-            "mesh box [-1,-1] to [1,0] cells [16,8] quad\nregion top = faces where y == 0\nregion base = faces where y == -1\n\
-             unknown u : vector\nterm stress on all : 1e3*(Sym(Grad_u) + 0.5*Div_u*Id(2)):Grad_Test_u\nfix u = [0,0] on base\n\
-             def d = X + u - [0.2*t, 1.98]\ndef up = -Normalized(d)\nparam gamma = 2e4\n\
-             def p = pos_part(gamma*(2 - Norm(d)))\ndef along(w) = w - (w.up)*up\n\
-             def q = Ball_projection(gamma*(along(u - [0.2*t,0]) - Previous_held), 0.3*p)\n\
-             state held : vector on top := along(u - [0.2*t,0]) - q/gamma\n\
-             term contact on top : ({sign}p*up + q).Test_u\nsteps t = 0 to 1 by 0.1\n"
-        )
-    };
-    let right = run("sideways", &scene(""), &[]);
-    assert!(right.code == 0 && !right.tells("W507"), "{}", right.text);
-    let wrong = run("sideways-pulls", &scene("-"), &[]);
-    assert!(wrong.tells("W507") || wrong.tells("W510"), "{}", wrong.text);
-}
-
-/// A block that begins on the floor with a velocity has hardly moved at the end of its first step, in which it presses most: the
-/// overlap of a stiff penalty is small beside the way that it goes later. That of a soft one is not.
-#[test]
-fn an_impact_that_begins_at_the_wall_overlaps_little() {
-    let scene = |gamma: f64| {
-        format!(
-            "mesh box [0,0] to [1,1] cells [4,4] quad\nregion floor = faces where y == 0\nunknown u : vector\n\
-             start Dot_u = [0.3,-1]\nterm inertia on all : Dot2_u.Test_u\n\
-             term stress on all : 1e3*Sym(Grad_u):Grad_Test_u\nparam gamma = {gamma}\ndef p = pos_part(gamma*(u.Normal))\n\
-             term contact on floor : (p*Normal).Test_u\nsteps t = 0 to 0.1 by 0.005\n"
-        )
-    };
-    run("lands", &scene(1e4), &[]).assert_silent();
-    let soft = run("lands-softly", &scene(100.0), &[]);
-    assert!(soft.tells("W606") && soft.text.contains("penetration at `contact`"), "{}", soft.text);
-}
-
 /// `W606`: a letter and three digits.
 fn is_code(word: &str) -> bool {
     word.len() == 4 && word.starts_with(['W', 'E']) && word[1..].chars().all(|c| c.is_ascii_digit())

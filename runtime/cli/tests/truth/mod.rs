@@ -15,6 +15,8 @@ mod mechanics;
 mod open;
 mod singular;
 mod stability;
+mod states;
+mod steep;
 mod units;
 
 use std::path::Path;
@@ -77,6 +79,13 @@ impl Ran {
     pub(crate) fn friction_work(&self) -> f64 {
         let steps = self.report["steps"].as_array().unwrap_or_else(|| panic!("no steps: {}", self.text));
         steps.iter().filter_map(|step| step["friction_work"].as_f64()).sum()
+    }
+
+    /// Points that are open, slip and stick at the end of the last step.
+    pub(crate) fn contact(&self) -> [u64; 3] {
+        let last = self.report["steps"].as_array().and_then(|steps| steps.last()).expect("a step");
+        ["open", "slip", "stick"]
+            .map(|state| last["contact"][state].as_u64().unwrap_or_else(|| panic!("{}", self.text)))
     }
 
     /// Asserts that the run was solved without a warning.

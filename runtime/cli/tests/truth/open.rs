@@ -90,6 +90,43 @@ fn a_scene_that_starts_from_a_file_has_its_velocities() {
     assert!((whole - parts).abs() < 1e-9, "{whole} {parts}");
 }
 
+/// What a file cannot say of a field is refused: two values at one place, and a column that is the way along the line.
+#[test]
+fn a_start_that_a_file_does_not_have_is_refused() {
+    let bar = |field: &str, law: &str, begin: &str| {
+        format!(
+            "mesh box [0] to [2] cells [8] segment\nregion l = cells where x < 1\nregion r = cells where x > 1\n\
+             region f = interface from l to r\nregion ends = faces where x == 0 or x == 2\n{field}\n{law}\n{begin}\n\
+             term rate on all : Dot_s*Test_s + Grad_s.Grad_Test_s\nfix s = x/2 on ends\nsteps t = 0 to 0.2 by 0.1\n"
+        )
+    };
+    let split = bar(
+        "unknown s : scalar\nsplit s across f",
+        "def J = s - Interpolate(s,neighbor_element)\n\
+                     term k on f : 0.1*J*(Test_s - Interpolate(Test_s,neighbor_element))",
+        "",
+    );
+    let folder = Folder::new("truth-start-refused");
+    let go = |name: &str, text: &str| {
+        folder.write(&format!("{name}.wfl"), text);
+        let ran = folder.wfl(&["run", &format!("{name}.wfl"), "--out", name, "--threads", "1"]);
+        [&ran.stdout, &ran.stderr].map(|b| String::from_utf8_lossy(b).into_owned()).concat()
+    };
+    folder.write("line.csv", "x,s\n0,0\n0.25,0\n0.5,0\n0.75,0\n1,0.5\n1.25,1\n1.5,1\n1.75,1\n2,1\n");
+    let told = go("split", &split.replace("term rate", "start from \"line.csv\"\nterm rate"));
+    assert!(told.contains("E418") && told.contains("several values at [1"), "{told}");
+    let whole = bar("unknown s : scalar", "", "");
+    assert!(!go("whole", &whole.replace("term rate", "start from \"line.csv\"\nterm rate")).contains("E418"));
+    folder.write(
+        "way.csv",
+        "s,x,u\n0,0,1\n0.25,0.25,1\n0.5,0.5,1\n0.75,0.75,1\n1,1,1\n1.25,1.25,1\n1.5,1.5,1\n1.75,1.75,1\n2,2,1\n",
+    );
+    let told = go("way", &whole.replace("term rate", "start from \"way.csv\"\nterm rate"));
+    assert!(told.contains("E418") && told.contains("distance along the line"), "{told}");
+    let told = go("column", &format!("{whole}output csv \"line\" : s as s along [0] to [2] with points=9\n"));
+    assert!(told.contains("E433"), "{told}");
+}
+
 /// A block that is pressed on a base and drawn over it, with the law of the multiplier in the term of its force: the energy
 /// that friction takes is the bound times the way.
 #[test]

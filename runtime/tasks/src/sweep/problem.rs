@@ -13,6 +13,7 @@ use wfl::{
     ast::{BoxDivision, Expr, MeshSource, OptionItem, OptionValue},
 };
 use wfl_adapt::accuracy::method_word;
+use wfl_problem::Scene;
 
 use super::{
     Method,
@@ -26,6 +27,18 @@ pub(super) fn settings(methods: &[Method], knobs: &[Knob]) -> Vec<Vec<(String, S
     let numbers: Vec<Numerics> = methods.iter().map(|m| Numerics::of(&m.known)).collect();
     let changing = |k: &&Knob| numbers.iter().all(|n| n.changes_problem(&k.name));
     lists::combinations(&knobs.iter().filter(changing).cloned().collect::<Vec<_>>())
+}
+
+/// The values of the parameters that change the problem, in a scene that was prepared.
+pub(super) fn values(known: &Known, scene: &Scene) -> Vec<(String, Vec<f64>)> {
+    let numerics = Numerics::of(known);
+    let counts = |name: &str| numerics.changes_problem(name);
+    scene.params.iter().filter(|(name, _)| counts(name)).map(|(name, c)| (name.clone(), c.values.clone())).collect()
+}
+
+/// Whether a parameter changes the problem in all of these scenes.
+pub(super) fn is_of_all(methods: &[Method], name: &str) -> bool {
+    methods.iter().all(|m| Numerics::of(&m.known).changes_problem(name))
 }
 
 /// The parameters of a scene that change how it is solved.

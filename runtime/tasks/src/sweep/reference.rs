@@ -18,7 +18,7 @@ use wfl_host::input::InputKind;
 use wfl_output::{Hash, OutputDir};
 use wfl_problem::{SampleAt, Samples};
 
-use super::table::write_text;
+use super::{problem, table::write_text};
 use crate::{
     bench::{Bench, Known, Status},
     exact,
@@ -35,6 +35,9 @@ pub(super) struct Reference {
     /// What it follows from: what its run read, or the file it comes from.
     #[serde(default)]
     pub(super) identity: Hash,
+    /// The parameters that make its problem.
+    #[serde(default)]
+    pub(super) problem: Vec<(String, Vec<f64>)>,
     /// Fields and outputs at points; empty for an exact solution.
     pub(super) samples: Vec<Samples>,
     /// Measures of the last step.
@@ -53,6 +56,13 @@ impl Reference {
     pub(super) fn errors(&self, run: &Solved, backend: &dyn KernelBackend) -> Result<Vec<(String, f64)>, String> {
         if self.exact {
             return exact::errors(run, backend);
+        }
+        let of_run = |name: &str| run.scene.params.iter().find(|(own, _)| own == name).map(|(_, c)| &c.values);
+        let other = self.problem.iter().find(|(name, values)| of_run(name).is_some_and(|own| own != values));
+        if let Some((name, values)) = other {
+            let told = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(", ");
+            let own = told(of_run(name).map_or(&[], Vec::as_slice));
+            return Err(format!("the reference ({}) has {name} = {}, and this run {own}", self.what, told(values)));
         }
         let samples = sampled(run, backend, SampleAt::Points(&self.samples))?;
         Ok(differences(Compared { samples: &samples, measures: &measures(run) }, self.compared()))
@@ -120,6 +130,7 @@ pub(super) fn finer(bench: &Bench<'_>, path: &Path, known: &Known, setting: &Set
     let mut reference = Reference {
         what: format!("{} {}", path.display(), setting_text(setting)),
         identity: known.identity.hash(),
+        problem: problem::values(known, &first.scene),
         samples: sampled(first, bench.backend, SampleAt::Own(NORM_DEGREE))?,
         measures: measures(first),
         ..Reference::default()

@@ -61,7 +61,10 @@ impl Sweep<'_> {
             }
             "auto" => self.finer_runs(methods, problems)?,
             file => {
-                self.references.push(reference::from_file(Path::new(file))?);
+                let mut read = reference::from_file(Path::new(file))?;
+                // what one of the scenes calls numerics is numerics in all
+                read.problem.retain(|(name, _)| problem::is_of_all(methods, name));
+                self.references.push(read);
                 if problems.len() > 1 {
                     let names: Vec<&str> = problems[0].iter().map(|k| k.0.as_str()).collect();
                     self.job.listener.progress(&format!(
@@ -92,7 +95,8 @@ impl Sweep<'_> {
                     }
                 };
                 let found = reference.map(|reference| {
-                    self.references.push(reference);
+                    // its rows are those of its problem
+                    self.references.push(Reference { problem: Vec::new(), ..reference });
                     self.references.len() - 1
                 });
                 made.insert(&one.what, found);

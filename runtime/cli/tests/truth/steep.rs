@@ -1,0 +1,86 @@
+//! Laws so steep that a number beside the solution changes their forces by as much as they are: a step that is accepted
+//! because all is rounding has the right forces, or is told.
+
+use super::run;
+
+/// A block on a floor with rate-and-state friction, driven from rest. It slides all along: an independent integration (implicit
+/// Euler of the same two equations) has the coefficient of friction 0.594 at the end.
+#[test]
+fn a_law_that_is_steep_at_rest_is_left_behind() {
+    for step in [0.01, 0.05] {
+        let scene = format!(
+            "mesh box [0,0] to [1,1] cells [1,1] quad\nregion floor = faces where y == 0\nregion top = faces where y == 1\n\
+             unknown u : vector\nterm block on all : 1000*Sym(Grad_u):Grad_Test_u\ndef press = 1e6*pos_part(u.Normal)\n\
+             def V = (u(1) - Previous_u(1))/timestep\ndef q = V*timestep/0.1\n\
+             def mu = 0.01*asinh(V/2*exp((0.6 + 0.008*log(Previous_theta/0.1))/0.01))\n\
+             state theta : scalar on floor := Previous_theta*exp(-q) + timestep*(if abs(q) < 1e-6 then 1 - q/2 else -expm1(-q)/q)\n\
+             start theta = 0.1\nterm contact on floor : press*(Test_u.Normal) + mu*press*Test_u(1)\nsteps t = 0 to 0.5 by {step}\n\
+             fix u = [t,-0.01] on top\nmeasure pressed = integral(press) on floor\nmeasure friction = integral(mu*press) on floor\n\
+             measure held = reaction(u(1)) on top\n"
+        );
+        let ran = run(&format!("steep-{step}"), &scene, &[]);
+        assert_eq!(ran.code, 0, "{}", ran.text);
+        let (pressed, friction) = (ran.last("pressed"), ran.last("friction"));
+        assert!((friction + ran.last("held")).abs() < 1e-9 * friction, "{}", ran.text);
+        assert!((friction / pressed - 0.594).abs() < 0.007, "{step}: {}", friction / pressed);
+    }
+}
+
+/// A layer of viscosity `eta` below its strength of 5, whose drive turns back: it slides with its strength, either way.
+#[test]
+fn a_layer_that_slides_has_its_strength_however_stiff_it_was() {
+    for eta in ["1e12", "1e15", "1e16", "1e20"] {
+        let scene = format!(
+            "param eta = {eta}\nmesh box [0,0] to [1,1] cells [1,1] quad\nregion floor = faces where y == 0\n\
+             region top = faces where y == 1\nunknown u : vector\nterm block on all : 1000*Sym(Grad_u):Grad_Test_u\n\
+             def q = Ball_projection([eta*(u(1) - Previous_u(1))/timestep,0], 5)\nterm friction on floor : q.Test_u\n\
+             steps t = 0 to 1 by 0.05\nfix u = [if t < 0.5 then t else 1 - t, 0] on top\nfix u(2) = 0 on floor\n\
+             measure force = integral(q(1)) on floor\nmeasure held = reaction(u(1)) on top\n"
+        );
+        let ran = run(&format!("layer-{eta}"), &scene, &[]);
+        assert_eq!(ran.code, 0, "{eta}: {}", ran.text);
+        for step in (1..21).filter(|step| *step != 10) {
+            let (force, held) = (ran.measure(step, "force"), ran.measure(step, "held"));
+            assert!((force + held).abs() < 1e-6, "{eta}, step {step}: {force} {held}");
+        }
+        assert!((ran.last("force") + 5.0).abs() < 1e-6, "{eta}: {}", ran.text);
+    }
+}
+
+/// A penalty beside which the displacement has no digits: whatever is found, it does not go without a word.
+#[test]
+fn a_penalty_that_leaves_no_digits_is_told() {
+    let scene = "mesh box [0,0] to [1,1] cells [2,2] quad\nregion floor = faces where y == 0\nregion top = faces where y == 1\n\
+                 unknown u : vector\nterm block on all : 1000*Sym(Grad_u):Grad_Test_u\nparam far = 100\nparam gamma = 1e14\n\
+                 term contact on floor : gamma*pos_part(u.Normal - far)*(Test_u.Normal)\n\
+                 fix u = [0,-far - 1e-3*t] on top\nsteps t = 0 to 1 by 0.5\nmeasure held = reaction(u(2)) on top\n";
+    let ran = run("no-digits", scene, &[]);
+    let is_right = ran.code == 0 && (ran.last("held") - 1.0).abs() < 1e-2;
+    assert!(is_right || ran.code != 0 || ran.tells("W605") || ran.tells("W606"), "{}", ran.text);
+}
+
+/// Heat crosses as contact presses, and nothing else holds the temperature of the block: it is loose in the first iterate
+/// alone. In the closed form p = 1 there, h = 2, and 10 units of heat fall by 5 over contact and by 10 a cell length.
+#[test]
+fn what_is_held_once_contact_presses_is_not_called_loose() {
+    let scene = |conducts: &str| {
+        format!(
+            "mesh box [0,0] to [1,2] cells [2,4] quad\nregion a = cells where y < 1\nregion b = cells where y > 1\n\
+             region f = interface from b to a\nregion bottom = faces where y == 0\nregion top = faces where y == 2\n\
+             unknown ua : vector on a\nunknown ub : vector on b\nunknown Ta : scalar on a\nunknown Tb : scalar on b\n\
+             def jump(v,w) = v - Interpolate(w, neighbor_element)\ndef p = 1e6*pos_part(jump(ub,ua).Normal)\n\
+             term ea on a : 1000*Sym(Grad_ua):Grad_Test_ua\nterm eb on b : 1000*Sym(Grad_ub):Grad_Test_ub\n\
+             term ha on a : Grad_Ta.Grad_Test_Ta\nterm hb on b : Grad_Tb.Grad_Test_Tb\n\
+             term contact on f : p*(Normal.jump(Test_ub,Test_ua))\n\
+             term cross on f : {conducts}*jump(Tb,Ta)*jump(Test_Tb,Test_Ta)\nfix ua = [0,0] on bottom\n\
+             fix ub = [0,-2.001e-3] on top\nfix Ta = 100 on bottom\nload Tb = -10 on top\nmeasure warm = mean(Tb) on top\n"
+        )
+    };
+    let ran = run("presses-later", &scene("2*p"), &[]);
+    assert!(ran.code == 0 && (ran.last("warm") - 75.0).abs() < 1e-6, "{}", ran.text);
+    // what never conducts is loose, and told as that
+    let ran = run("never-conducts", &scene("0*p"), &[]);
+    assert!(ran.code != 0 && ran.tells("E602"), "{}", ran.text);
+    let ran = run("conducts-apart", &scene("pos_part(p - 1e3)"), &[]);
+    assert!(ran.code != 0 && ran.tells("E602"), "{}", ran.text);
+}
