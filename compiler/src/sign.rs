@@ -51,6 +51,10 @@ fn never_negative(g: &Graph, e: ExprId) -> bool {
 /// Parts of an expression that are looked at: each product asks for both signs of both factors.
 const MOST: u32 = 10_000;
 
+/// Functions of the sign of their argument.
+const ODD: [MathFn1; 7] =
+    [MathFn1::Tanh, MathFn1::Asinh, MathFn1::Atan, MathFn1::Erf, MathFn1::Sinh, MathFn1::Log1p, MathFn1::Expm1];
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Sign {
     AtLeastZero,
@@ -126,18 +130,7 @@ impl Known<'_> {
             Node::Stack(parts) => parts.iter().all(|part| self.has(*part, sign)),
             Node::Norm(_) | Node::BallRatio(..) => is_positive,
             Node::Map(f, a) => {
-                let is_odd = matches!(
-                    f,
-                    Function1::Math(
-                        MathFn1::Tanh
-                            | MathFn1::Asinh
-                            | MathFn1::Atan
-                            | MathFn1::Erf
-                            | MathFn1::Sinh
-                            | MathFn1::Log1p
-                            | MathFn1::Expm1
-                    )
-                );
+                let is_odd = matches!(f, Function1::Math(f) if ODD.contains(f));
                 is_odd && self.has(*a, sign) || is_positive && self.never_falls_below_zero(e)
             }
             Node::Map2(..) => is_positive && self.never_falls_below_zero(e),

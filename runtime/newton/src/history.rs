@@ -74,7 +74,7 @@ pub struct StepHistory {
     pub refined: usize,
     /// See [`Self::refined`].
     pub correction: Option<f64>,
-    /// The part of the forces that rounding has hidden where the iteration ended; 0 where it ended otherwise.
+    /// The part of the forces that rounding has hidden where the iteration ended, if it was much; 0 where it ended otherwise.
     pub hidden: f64,
 }
 

@@ -183,7 +183,6 @@ impl Attempt<'_> {
             return Err(error);
         }
         self.history.stop = Some(stop.unwrap_or(Stop::MaxIterations));
-        self.history.hidden = if stop == Some(Stop::Floor) { self.here.of_forces } else { 0.0 };
         Ok(())
     }
 
@@ -199,8 +198,11 @@ impl Attempt<'_> {
         step.assemble_tangent(self.u, false)?;
         self.here = step.measure(self.u, &self.norm)?;
         let stop = self.stops(step);
-        let hides_much = stop == Some(Stop::Floor) && self.here.of_forces > HIDDEN && !step.system.is_linear();
-        if !hides_much {
+        self.history.hidden = 0.0;
+        if stop == Some(Stop::Floor) && self.here.of_forces > HIDDEN {
+            self.history.hidden = step.hidden(self.u, &self.here.written)?;
+        }
+        if self.history.hidden <= HIDDEN || step.system.is_linear() {
             return Ok(stop);
         }
         if self.doubts < DOUBTS {
@@ -211,6 +213,7 @@ impl Attempt<'_> {
             self.u.copy_from_slice(&self.best.1);
             step.assemble_tangent(self.u, false)?;
             self.here = step.measure(self.u, &self.norm)?;
+            self.history.hidden = step.hidden(self.u, &self.here.written)?;
         }
         Ok(self.stops(step))
     }
@@ -258,9 +261,9 @@ impl Attempt<'_> {
         self.history.stop = Some(stop);
         if stop == Stop::Floor && step.options.search && refinement::helps(step, self.u, &self.here) {
             refinement::refine(step, self.u, &self.norm, &mut self.history)?;
-        } else {
             // what refinement goes on from is no measure of what it reaches
-            self.history.hidden = if stop == Stop::Floor { self.here.of_forces } else { 0.0 };
+            self.history.hidden = 0.0;
+        } else {
             step.reached = Some(std::mem::take(&mut self.here.written));
         }
         Ok(())

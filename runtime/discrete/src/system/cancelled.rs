@@ -49,6 +49,21 @@ impl System {
         Ok(out)
     }
 
+    /// The same with what cancels inside each changing term: the magnitudes of all that its points sum.
+    ///
+    /// # Errors
+    /// [`TermError`] with its place.
+    pub fn summed(&self, u: &[f64]) -> Result<Vec<f64>, TermError> {
+        let mut inside = vec![0.0; u.len()];
+        let values = self.values(u);
+        for term in self.terms.iter().filter(|t| t.law.class >= Class::Nonlinear) {
+            term.add_own_summands(&self.mesh, values.view(), &mut inside, self.share.as_deref());
+        }
+        self.numbering.turn_sizes(&mut inside);
+        let all = self.contributions(u)?;
+        Ok(all.into_iter().zip(inside).map(|(sum, own)| sum.max(own)).collect())
+    }
+
     /// By dof, in the rows of this rank: what rounding of the forces in the residual `here` at `u` is relative to, |K| |u| of
     /// the linear terms and what cancels inside the smooth laws of the others.
     #[must_use]

@@ -112,6 +112,22 @@ impl LoadStep<'_> {
         (0..system.n_bodies()).filter(is_force).all(|k| left[k] <= bound(k))
     }
 
+    /// The part that the residual is of the forces in it, those that cancel inside a term included: what rounding hides where it is larger
+    /// than the residual. The largest over the bodies.
+    pub(crate) fn hidden(&self, u: &[f64], written: &Residual) -> Evaluated<f64> {
+        let system = self.system;
+        let is_free = |d: usize| system.numbering.free[d] != FIXED;
+        let free: Vec<f64> =
+            written.values.iter().enumerate().map(|(d, x)| if is_free(d) { *x } else { 0.0 }).collect();
+        let (left, forces) = (system.largest_of_alike(&free), system.largest_of_alike(&system.summed(u)?));
+        let is_force = |body: &usize| {
+            let field = system.field_of_body(*body);
+            system.range(field).is_some() && !system.has_single_equations(field)
+        };
+        let parts = (0..system.n_bodies()).filter(is_force).filter(|body| left[*body] > 0.0);
+        Ok(parts.map(|body| left[body] / forces[body].max(left[body])).fold(0.0, f64::max))
+    }
+
     /// By body what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether
     /// some bodies have no force but rounding: then that is relative to what cancels. Where the largest force is so small that rounding hides the
     /// tolerance, it is what is left of larger ones, and these are asked for one by one.

@@ -101,6 +101,22 @@ fn quantities(w: &mut Writer, s: &StepResult) {
     }
 }
 
+fn read_check(r: &mut Reader<'_>) -> Result<PhysicsCheck, Unreadable> {
+    let name = r.text()?;
+    let about = match (r.count()?, r.text()?) {
+        (0, _) => About::Scene,
+        (1, name) => About::Field(name),
+        (2, name) => About::Term(name),
+        _ => return Err(Unreadable),
+    };
+    let (value, limit, displacement) = match *r.numbers()?.as_slice() {
+        [value, limit] => (value, limit, None),
+        [value, limit, displacement] => (value, limit, Some(displacement)),
+        _ => return Err(Unreadable),
+    };
+    Ok(PhysicsCheck { name, about, value, limit, detail: r.text()?, displacement })
+}
+
 pub(super) fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
     let [end, increment, limit] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let mut step =
@@ -117,21 +133,7 @@ pub(super) fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         Ok(Accuracy { error, field: r.text()? })
     })?;
     step.accuracy = accuracy.into_iter().next();
-    step.checks = r.list(|r| {
-        let name = r.text()?;
-        let about = match (r.count()?, r.text()?) {
-            (0, _) => About::Scene,
-            (1, name) => About::Field(name),
-            (2, name) => About::Term(name),
-            _ => return Err(Unreadable),
-        };
-        let (value, limit, displacement) = match *r.numbers()?.as_slice() {
-            [value, limit] => (value, limit, None),
-            [value, limit, displacement] => (value, limit, Some(displacement)),
-            _ => return Err(Unreadable),
-        };
-        Ok(PhysicsCheck { name, about, value, limit, detail: r.text()?, displacement })
-    })?;
+    step.checks = r.list(read_check)?;
     step.turned = r.list(|r| {
         let (term, field, n_cells, of) = (r.text()?, r.text()?, r.count()?, r.count()?);
         let [smallest, x, y, z] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
