@@ -328,6 +328,7 @@ impl ContactTerm {
         let largest = self.largest_slopes(system, values);
         let fluxes = self.own_fluxes(system, values, careful);
         let motions = self.motions(system);
+        let gap_motions = self.gap_motions(&motions);
         let mut found = Violations { moved, ..Violations::default() };
         let mut faces = FaceCount::new(self.counted_faces());
         let (mut point, mut pressures) = (0, Vec::new());
@@ -350,7 +351,8 @@ impl ContactTerm {
             let turns = careful.is_some_and(|careful| careful.turns[point - 1]);
             let each = self.projections.iter().enumerate().zip(&largest).zip(&motions);
             for (((k, p), slope), motions) in each.filter(|((_, s), _)| **s > 0.0) {
-                let mut works_along = |direction: &[f64]| works_along(flux, motions, direction, &slopes());
+                let across: &[&[Motion]] = if p.kind == ProjectionKind::Ball { &gap_motions } else { &[] };
+                let mut works_along = |direction: &[f64]| works_along(flux, motions, direction, &slopes(), across);
                 let gap = gap_of(careful, point - 1, gap, p);
                 let x = &full[p.output..][..p.n];
                 let left = if careful.is_some() { BETWEEN * pressure } else { 0.0 };
@@ -495,6 +497,13 @@ impl ContactTerm {
         (0..self.projections.len()).map(of).collect()
     }
 
+    /// Of the motions of all projections those of the gaps.
+    fn gap_motions<'m>(&self, motions: &'m [Vec<Motion>]) -> Vec<&'m [Motion]> {
+        let is_gap = |p: &Projection| p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts;
+        let of_gaps = self.projections.iter().zip(motions).filter(|(p, _)| is_gap(p));
+        of_gaps.map(|(_, motions)| motions.as_slice()).collect()
+    }
+
     /// Calls `f` at every point with what the law gives there, with the same without gradients and multipliers, and
     /// with a function for the derivatives of the arguments.
     fn arguments(
@@ -548,12 +557,28 @@ struct Outputs<'a> {
     slopes: Option<Vec<[f64; LANES]>>,
 }
 
-/// True if a force works as an argument moves along `direction`, in place of resisting.
-fn works_along(flux: &[f64], motions: &[Motion], direction: &[f64], slopes: &[f64]) -> bool {
+/// True if a force works as an argument moves along `direction`, in place of resisting. Of an argument that follows the pressure, too, what
+/// counts is the motion that leaves the `gaps`.
+fn works_along(flux: &[f64], motions: &[Motion], direction: &[f64], slopes: &[f64], gaps: &[&[Motion]]) -> bool {
+    let way_of = |motions: &[Motion], direction: &[f64]| {
+        let mut way = vec![0.0; flux.len()];
+        for Motion { test, slopes: places } in motions {
+            way[*test] = places.iter().map(|(at, entry)| direction[*entry] * slopes[*at]).sum();
+        }
+        way
+    };
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let mut along = way_of(motions, direction);
+    for gap in gaps {
+        let opens = way_of(gap, &[1.0]);
+        let (shared, size) = (dot(&along, &opens), dot(&opens, &opens));
+        // what is as good as across it stays as it is, bit by bit
+        if size > 0.0 && shared * shared > SIGNLESS * SIGNLESS * size * dot(&along, &along) {
+            along.iter_mut().zip(&opens).for_each(|(a, o)| *a -= shared / size * o);
+        }
+    }
     let (mut resisted, mut size) = (0.0f64, 0.0f64);
-    for Motion { test, slopes: places } in motions {
-        let along: f64 = places.iter().map(|(at, entry)| direction[*entry] * slopes[*at]).sum();
-        let work = flux[*test] * along;
+    for work in flux.iter().zip(&along).map(|(f, a)| f * a) {
         resisted += work;
         size += work.abs();
     }

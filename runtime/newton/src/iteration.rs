@@ -192,13 +192,13 @@ impl Attempt<'_> {
     /// long as it has doubts left: at last the best state is what there is.
     fn confirmed(&mut self, step: &mut LoadStep<'_>) -> Evaluated<Option<Stop>> {
         let stop = self.stops(step);
+        self.history.hidden = 0.0;
         if stop != Some(Stop::Floor) {
             return Ok(stop);
         }
         step.assemble_tangent(self.u, false)?;
         self.here = step.measure(self.u, &self.norm)?;
         let stop = self.stops(step);
-        self.history.hidden = 0.0;
         if stop == Some(Stop::Floor) && self.here.of_forces > HIDDEN {
             self.history.hidden = step.hidden(self.u, &self.here.written)?;
         }

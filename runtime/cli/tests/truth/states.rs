@@ -139,9 +139,9 @@ fn a_round_indenter_that_moves_sideways_has_a_penalty() {
             "mesh box [-1,-1] to [1,0] cells [16,8] quad\nregion top = faces where y == 0\nregion base = faces where y == -1\n\
              unknown u : vector\nterm stress on all : 1e3*(Sym(Grad_u) + 0.5*Div_u*Id(2)):Grad_Test_u\nfix u = [0,0] on base\n\
              def d = X + u - [0.2*t, 1.98]\ndef up = -Normalized(d)\nparam gamma = 2e4\n\
-             def p = pos_part(gamma*(2 - Norm(d)))\ndef along(w) = w - (w.up)*up\n\
-             def q = Ball_projection(gamma*(along(u - [0.2*t,0]) - Previous_held), 0.3*p)\n\
-             state held : vector on top := along(u - [0.2*t,0]) - q/gamma\n\
+             def p = pos_part(gamma*(2 - Norm(d)))\ndef face(w) = w - (w.up)*up\n\
+             def q = Ball_projection(gamma*(face(u - [0.2*t,0]) - Previous_held), 0.3*p)\n\
+             state held : vector on top := face(u - [0.2*t,0]) - q/gamma\n\
              term contact on top : ({sign}p*up + q).Test_u\nsteps t = 0 to 1 by 0.1\n"
         )
     };

@@ -97,7 +97,7 @@ fn lengths_at_an_elastic_joint_are_strains() {
 #[test]
 fn a_force_that_drives_an_argument_works_and_one_that_resists_does_not() {
     let motions = [Motion { test: 0, slopes: vec![(0, 0)] }, Motion { test: 1, slopes: vec![(1, 1)] }];
-    let works = |flux: [f64; 2]| works_along(&flux, &motions, &[1.0, 1.0], &[2.0, 3.0]);
+    let works = |flux: [f64; 2]| works_along(&flux, &motions, &[1.0, 1.0], &[2.0, 3.0], &[]);
     assert!(!works([1.0, 1.0]) && works([-1.0, 0.5]) && !works([0.0, 0.0]));
     assert!(!works([-3.0, 2.0 + 1e-9]), "what cancels has no sign");
 }
