@@ -574,7 +574,11 @@ fn works_along(flux: &[f64], motions: &[Motion], direction: &[f64], slopes: &[f6
         let (shared, size) = (dot(&along, &opens), dot(&opens, &opens));
         // what is as good as across it stays as it is, bit by bit
         if size > 0.0 && shared * shared > SIGNLESS * SIGNLESS * size * dot(&along, &along) {
-            along.iter_mut().zip(&opens).for_each(|(a, o)| *a -= shared / size * o);
+            for (a, o) in along.iter_mut().zip(&opens) {
+                let taken = shared / size * o;
+                // rounding of what was taken is no motion, and a pressure would work on it
+                *a = if (*a - taken).abs() <= STILL * taken.abs() { 0.0 } else { *a - taken };
+            }
         }
     }
     let (mut resisted, mut size) = (0.0f64, 0.0f64);

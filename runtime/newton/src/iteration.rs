@@ -24,8 +24,8 @@ const OF_THE_TOLERANCE: f64 = 1e-3;
 /// the slope of a law where the iteration stands, and none where it is going.
 const HIDDEN: f64 = 1e-3;
 /// How many iterations go on from states that hide more: as many as a line search takes to leave a slope that is a million
-/// times too steep.
-const DOUBTS: usize = 20;
+/// times too steep, and Newton's method behind it.
+const DOUBTS: usize = 30;
 
 /// How many iterations may be made with a body held that the tangent leaves loose: what holds it may close in each of the first ones,
 /// one after another, and a body that nothing holds is told after as many.
@@ -49,11 +49,14 @@ struct Attempt<'u> {
     history: StepHistory,
     /// Why the first tangent was singular where contact was open at some points, and contact as it was.
     not_held: Option<(NewtonError, Contact)>,
-    /// Iterations that went on from a state whose residual counts as rounding and is large.
+    /// Of the states whose residual counts as rounding and is much of the forces the one that hides least, with that part, and
+    /// the iterations that went on from the first one.
+    doubtful: Option<(f64, Vec<f64>)>,
     doubts: usize,
-    /// Iterations that held what the first tangent left loose, why it was singular, and what the next one holds.
+    /// Iterations that held what the first tangent left loose, why it was singular with contact as it was, and what the next one
+    /// holds.
     held: usize,
-    loose: Option<NewtonError>,
+    loose: Option<(NewtonError, Contact, bool)>,
     holds: Option<Hold>,
 }
 
@@ -109,6 +112,7 @@ pub(super) fn iterate(
         direction,
         history,
         not_held: None,
+        doubtful: None,
         doubts: 0,
         held: 0,
         loose: None,
@@ -158,6 +162,7 @@ impl Attempt<'_> {
             if let Some(stop) = self.confirmed(step)? {
                 return self.finish(step, stop);
             }
+            self.doubts += usize::from(self.doubtful.is_some());
             if self.comes_to_rest(step) {
                 return self.finish(step, Stop::Rest);
             }
@@ -188,34 +193,37 @@ impl Attempt<'_> {
 
     /// Why the iteration stops here, if it does. A floor is that of the tangent at this state and of the laws as they are written:
     /// the tangent before may have been at a state far away, with a floor above every residual, and a branch that is held
-    /// at a point that has left it has a slope of its own. Where the floor hides much of the forces the iteration goes on, as
-    /// long as it has doubts left: at last the best state is what there is.
+    /// at a point that has left it has a slope of its own. Where the floor hides much of the forces the iteration goes on for a
+    /// while; if that leads nowhere, the state that hides least is what there is.
     fn confirmed(&mut self, step: &mut LoadStep<'_>) -> Evaluated<Option<Stop>> {
         let stop = self.stops(step);
         self.history.hidden = 0.0;
-        if stop != Some(Stop::Floor) {
+        if stop.is_some_and(|stop| stop != Stop::Floor) {
             return Ok(stop);
         }
-        step.assemble_tangent(self.u, false)?;
-        self.here = step.measure(self.u, &self.norm)?;
-        let stop = self.stops(step);
-        if stop == Some(Stop::Floor) && self.here.of_forces > HIDDEN {
-            self.history.hidden = step.hidden(self.u, &self.here.written)?;
-        }
-        if self.history.hidden <= HIDDEN || step.system.is_linear() {
-            return Ok(stop);
-        }
-        if self.doubts < DOUBTS {
-            self.doubts += 1;
-            return Ok(None);
-        }
-        if self.best.0 < self.here.relative {
-            self.u.copy_from_slice(&self.best.1);
+        if stop.is_some() {
             step.assemble_tangent(self.u, false)?;
             self.here = step.measure(self.u, &self.norm)?;
-            self.history.hidden = step.hidden(self.u, &self.here.written)?;
+            let stop = self.stops(step);
+            let is_floor = stop == Some(Stop::Floor) && self.here.of_forces > HIDDEN;
+            let hidden = if is_floor { step.hidden(self.u, &self.here.written)? } else { 0.0 };
+            self.history.hidden = if hidden > HIDDEN { hidden } else { 0.0 };
+            if stop.is_some() && (hidden <= HIDDEN || step.system.is_linear()) {
+                return Ok(stop);
+            }
+            if stop.is_some() && self.doubtful.as_ref().is_none_or(|(least, _)| hidden < *least) {
+                self.doubtful = Some((hidden, self.u.to_vec()));
+            }
         }
-        Ok(self.stops(step))
+        if self.doubts < DOUBTS {
+            return Ok(None);
+        }
+        let Some((hidden, u)) = self.doubtful.take() else { return Ok(None) };
+        self.u.copy_from_slice(&u);
+        step.assemble_tangent(self.u, false)?;
+        self.here = step.measure(self.u, &self.norm)?;
+        self.history.hidden = hidden;
+        Ok(Some(Stop::Floor))
     }
 
     /// Goes to the state of rest where the unknowns have vanished and that solves the equations; whether it does.
@@ -249,12 +257,14 @@ impl Attempt<'_> {
 
     /// Refines a state whose residual is rounding, where that helps.
     fn finish(&mut self, step: &mut LoadStep<'_>, stop: Stop) -> Result<(), NewtonError> {
-        if let Some(error) = self.loose.take() {
+        if self.loose.is_some() {
             // with what was held along the way a solution may be one of many
             step.assemble_tangent(self.u, self.norm.frozen)?;
             let mut direction = Vec::new();
             let still = step.correct(&self.here.residual, 0.0, &mut direction, &mut self.history);
-            if matches!(still, Err(NewtonError::Solve(SolveError::Singular { .. }))) {
+            if matches!(still, Err(NewtonError::Solve(SolveError::Singular { .. })))
+                && let Some(error) = self.loose_at_first(step)?
+            {
                 return Err(error);
             }
         }
@@ -282,7 +292,7 @@ impl Attempt<'_> {
             let is_there = step.tangent.changing.add_to(free, free, stiffness);
             debug_assert!(is_there, "the pattern stays within an attempt");
         }
-        if self.doubts > 0 {
+        if self.doubtful.is_some() {
             // a correction along a slope beside which the bodies are rounding moves nothing; without one there is nothing to make flatter
             let _ = step.system.soften(step.tangent);
         }
@@ -355,11 +365,12 @@ impl Attempt<'_> {
             self.holds = Hold::of(step, &error).filter(|_| !step.system.is_linear() && step.system.team().is_alone());
             if self.holds.is_some() {
                 self.held += 1;
-                self.loose.get_or_insert(error);
+                let (contact, frozen) = (&*step.contact, self.norm.frozen);
+                self.loose.get_or_insert_with(|| (error, contact.clone(), frozen));
                 return Ok(false);
             }
         }
-        if let Some(first) = self.loose.take() {
+        if let Some(first) = self.loose_at_first(step)? {
             return Err(first);
         }
         let on_the_way = number > 1 && (singular || self.path.is_some() && error.is_of_the_state());
@@ -370,6 +381,15 @@ impl Attempt<'_> {
         }
         self.u.copy_from_slice(&self.best.1);
         Ok(true)
+    }
+
+    /// Where holding what was loose helped nothing: goes back to the first state, and says why it is loose.
+    fn loose_at_first(&mut self, step: &mut LoadStep<'_>) -> Evaluated<Option<NewtonError>> {
+        let Some((error, contact, frozen)) = self.loose.take() else { return Ok(None) };
+        (*step.contact, self.norm.frozen) = (contact, frozen);
+        self.u.copy_from_slice(&self.start);
+        step.assemble_tangent(self.u, frozen)?;
+        Ok(Some(error))
     }
 
     /// Where closing all contact helped nothing: goes back to the state at which bodies were found loose, and says so.
