@@ -572,8 +572,7 @@ fn works_along(flux: &[f64], motions: &[Motion], direction: &[f64], slopes: &[f6
     for gap in gaps {
         let opens = way_of(gap, &[1.0]);
         let (shared, size) = (dot(&along, &opens), dot(&opens, &opens));
-        // what is as good as across it stays as it is, bit by bit
-        if size > 0.0 && shared * shared > SIGNLESS * SIGNLESS * size * dot(&along, &along) {
+        if size > 0.0 && shared != 0.0 {
             for (a, o) in along.iter_mut().zip(&opens) {
                 let taken = shared / size * o;
                 // rounding of what was taken is no motion, and a pressure would work on it
