@@ -396,8 +396,9 @@ pages! {
         W605,
         "a result with few correct digits",
         "Rounding alone changes the unknowns by more than a thousandth of their size: the tangent is ill-conditioned. \
-         Usually a penalty or Nitsche parameter is far above E/h, or a material is nearly incompressible. The report \
-         has the estimated correct digits of each load step.",
+         Usually a penalty or Nitsche parameter is far above E/h, or a material is nearly incompressible. Also told where \
+         forces do not balance and rounding hides it: a law is so steep that the number beside a displacement changes its \
+         force by as much as it is. The report has the estimated correct digits of each load step.",
         "param gamma = 1e20",
         "param gamma = 1e6",
     ),
