@@ -25,13 +25,16 @@ pub struct Body {
 const BENT: &str = " map [x + 0.1*x*sin(y*z), y + 0.1*x*z, z - 0.1*x*y]";
 
 /// The bodies of the table: an elastic block in double and in single precision, on straight cells and on bent ones.
-pub const BODIES: [Body; 6] = [
+pub const BODIES: [Body; 9] = [
+    Body { name: "tetrahedra P1", cells: "[24,24,24] tet", map: "", element: "P1" },
     Body { name: "tetrahedra P2", cells: "[16,16,16] tet", map: "", element: "P2" },
     Body { name: "tetrahedra P3", cells: "[10,10,10] tet", map: "", element: "P3" },
-    Body { name: "hexahedra Q2", cells: "[16,16,16] hex", map: "", element: "Q2" },
-    Body { name: "bent hexahedra Q2", cells: "[16,16,16] hex", map: BENT, element: "Q2" },
-    Body { name: "tetrahedra P1", cells: "[24,24,24] tet", map: "", element: "P1" },
+    Body { name: "tetrahedra P4", cells: "[7,7,7] tet", map: "", element: "P4" },
     Body { name: "hexahedra Q1", cells: "[32,32,32] hex", map: "", element: "Q1" },
+    Body { name: "hexahedra Q2", cells: "[16,16,16] hex", map: "", element: "Q2" },
+    Body { name: "hexahedra Q3", cells: "[10,10,10] hex", map: "", element: "Q3" },
+    Body { name: "hexahedra Q4", cells: "[8,8,8] hex", map: "", element: "Q4" },
+    Body { name: "bent hexahedra Q2", cells: "[16,16,16] hex", map: BENT, element: "Q2" },
 ];
 
 /// What one thread gives at most.

@@ -194,10 +194,11 @@ const ELASTIC: &str = "term elastic on all : (300*Div_u*Id(DIM) + 800*Sym(Grad_u
 fn every_kind_of_cell_and_degree_straight_and_distorted() {
     let bent = ["", " map [x + 0.1*sin(3*y), y + 0.15*x*x]", " map [x + 0.1*sin(3*y*z), y + 0.15*x*z, z - 0.1*x*y]"];
     for (dim, cells, spaces) in [
-        (2, "[5,4] tri", &["P2", "P3"][..]),
-        (2, "[5,4] quad", &["Q2"]),
-        (3, "[3,2,3] tet", &["P2", "P3"]),
+        (2, "[5,4] tri", &["P2", "P3", "P4"][..]),
+        (2, "[5,4] quad", &["Q2", "Q4"]),
+        (3, "[3,2,3] tet", &["P2", "P3", "P4"]),
         (3, "[3,2,3] hex", &["Q2"]),
+        (3, "[2,2,1] hex", &["Q3", "Q4"]),
     ] {
         let (low, high, zero) = if dim == 2 { ("[0,0]", "[1,1]", "[0,0]") } else { ("[0,0,0]", "[1,1,1]", "[0,0,0]") };
         for map in ["", bent[dim - 1]] {
