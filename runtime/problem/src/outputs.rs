@@ -294,11 +294,23 @@ impl OutputMaker<'_> {
         names.into_iter().map(|(_, name)| name.to_owned()).collect()
     }
 
+    /// E433 for two columns of one name: that of a quantity and that of the positions, or of a component of another one.
+    fn columns(&mut self, output: &wfl::Output, line: &LineSample) {
+        let columns = line.columns();
+        let Some(twice) = columns.iter().enumerate().find(|(k, name)| columns[..*k].contains(name)) else { return };
+        let d = Diagnostic::new(Code::E433, format!("two columns of one file are called `{}`", twice.1));
+        let of = |item: &&wfl::OutputQuantity| item.name == *twice.1;
+        let place = output.items.iter().find(of).map_or(output.span, |item| item.span);
+        let d = d.at(place, "s, x, y and z are the distance along the line and the position");
+        self.diagnostics.push(d.help("u as displacement gives a quantity another name"));
+    }
+
     /// E435 for a line of which nothing is sampled, W415 for one with points outside the mesh or a quantity that lives
     /// on no point of it.
     fn outside(&mut self, output: &wfl::Output, line: &LineSample) {
         let Some((from, to)) = &output.along else { return };
         let span = from.span.to(to.span);
+        self.columns(output, line);
         let n = line.n_points();
         let found = line.found();
         if found.iter().all(|f| !f) && !line.is_empty() {
@@ -359,11 +371,6 @@ impl OutputMaker<'_> {
                     let text = format!("`{PART}` is the number of the body in a file for viewers");
                     let d = Diagnostic::new(Code::E433, text);
                     self.diagnostics.push(d.at(item.span, "").help("u as share gives a quantity another name"));
-                }
-                if name.0 == "csv" && ["s", "x", "y", "z"].contains(&item.name.as_str()) && output.along.is_some() {
-                    let text = format!("`{}` is a column of positions in the file of a line", item.name);
-                    let d = Diagnostic::new(Code::E433, text);
-                    self.diagnostics.push(d.at(item.span, "").help("u as displacement gives a quantity another name"));
                 }
                 if let Some(first) = output.items[..i].iter().find(|f| f.name == item.name) {
                     let d =
