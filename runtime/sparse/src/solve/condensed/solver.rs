@@ -1,6 +1,6 @@
 //! The condensed solver as one of those that take a matrix and a right-hand side; the sign of its determinant.
 //!
-//! Promises: as `condensed`. What the sign means `run/several.rs` says.
+//! Promises: as `condensed`. What the sign means `runtime/run/src/others.rs` says.
 
 use super::{CheckedCondensed, State};
 use crate::csr::Csr;
