@@ -49,7 +49,7 @@ fn at(g: &Graph, e: ExprId, is_known_sign: &dyn Fn(ExprId) -> bool, left: u32) -
         Node::Scale(a, b) | Node::MulComponents(a, b) => product(of(*a), of(*b)),
         Node::Divide(a, b) | Node::DivComponents(a, b) => match of(*b) {
             [low, high] if low > 0.0 => product(of(*a), [1.0 / high, 1.0 / low]),
-            [low, high] if low == 0.0 => product(of(*a), [1.0 / high, f64::INFINITY]),
+            [0.0, high] => product(of(*a), [1.0 / high, f64::INFINITY]),
             _ => ALL,
         },
         Node::Reshape(a) | Node::Permute(a, _) | Node::Pick(a, _) | Node::Print(a) => of(*a),
