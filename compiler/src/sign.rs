@@ -45,7 +45,7 @@ pub(crate) fn radius_warnings(env: &Env<'_>, listing: &Listing) -> Vec<Diagnosti
 fn never_negative(g: &Graph, e: ExprId) -> bool {
     let left = Cell::new(MOST);
     let has = |e: ExprId| Known { g, larger: Vec::new(), left: &left }.has(e, Sign::AtLeastZero);
-    has(e) || range::range(g, e, &|inside| inside != e && has(inside))[0] >= 0.0
+    has(e) || range::range(g, e, &|inside| inside != e && has(inside), &left)[0] >= 0.0
 }
 
 /// Parts of an expression that are looked at: each product asks for both signs of both factors.
@@ -143,7 +143,7 @@ impl Known<'_> {
 
     /// Whether the range of a function is that of numbers that are not negative; what is inside may be so for a reason of its own.
     fn never_falls_below_zero(&self, e: ExprId) -> bool {
-        range::range(self.g, e, &|inside| inside != e && self.has(inside, Sign::AtLeastZero))[0] >= 0.0
+        range::range(self.g, e, &|inside| inside != e && self.has(inside, Sign::AtLeastZero), self.left)[0] >= 0.0
     }
 
     /// Whether a condition says it: of the larger side, if the smaller one is at least zero, of a side itself, and of a

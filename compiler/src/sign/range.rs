@@ -3,7 +3,10 @@
 //! Promises: bounds that hold for all values of the unknowns, as far as the functions of an expression have some (interval
 //! arithmetic, Moore 1966); rounding of the bounds themselves is not counted.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::{
+    cell::Cell,
+    f64::consts::{FRAC_PI_2, PI},
+};
 
 use crate::{
     compare::Compare,
@@ -17,16 +20,10 @@ pub(super) type Range = [f64; 2];
 const ALL: Range = [f64::NEG_INFINITY, f64::INFINITY];
 const NONNEGATIVE: Range = [0.0, f64::INFINITY];
 
-/// How deep an expression is looked into: each part is looked at once for each use of it.
-const DEEPEST: u32 = 40;
-
-/// The range of an expression; `is_known_sign` tells what is at least zero for a reason of its own.
-pub(super) fn range(g: &Graph, e: ExprId, is_known_sign: &dyn Fn(ExprId) -> bool) -> Range {
-    at(g, e, is_known_sign, DEEPEST)
-}
-
-fn at(g: &Graph, e: ExprId, is_known_sign: &dyn Fn(ExprId) -> bool, left: u32) -> Range {
-    if left == 0 {
+/// The range of an expression; `is_known_sign` tells what is at least zero for a reason of its own. Each part is looked at once for each
+/// use of it, and no more than are `left`: behind them nothing is known.
+pub(super) fn range(g: &Graph, e: ExprId, is_known_sign: &dyn Fn(ExprId) -> bool, left: &Cell<u32>) -> Range {
+    if left.replace(left.get().saturating_sub(1)) == 0 {
         return ALL;
     }
     if let Some(list) = g.constant_value(e) {
@@ -36,14 +33,15 @@ fn at(g: &Graph, e: ExprId, is_known_sign: &dyn Fn(ExprId) -> bool, left: u32) -
     if !g.depends(e).unknown {
         return NONNEGATIVE;
     }
-    let of = |e: ExprId| at(g, e, is_known_sign, left - 1);
+    let of = |e: ExprId| range(g, e, is_known_sign, left);
     let found = match g.node(e) {
         Node::Add(a, b) => sum(of(*a), of(*b)),
         Node::Sub(a, b) => sum(of(*a), minus(of(*b))),
         Node::Neg(a) => minus(of(*a)),
         // a square
         Node::Scale(a, b) | Node::MulComponents(a, b) if a == b => {
-            let [low, high] = product(of(*a), of(*a));
+            let base = of(*a);
+            let [low, high] = product(base, base);
             [low.max(0.0), high]
         }
         Node::Scale(a, b) | Node::MulComponents(a, b) => product(of(*a), of(*b)),

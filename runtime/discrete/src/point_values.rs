@@ -129,8 +129,11 @@ impl PointValues {
     /// True if the column `s` is the distance along the line that an output wrote: a field of that name has no column then.
     #[must_use]
     pub fn has_distances(&self) -> bool {
-        let Some(column) = self.names.iter().position(|n| n == "s") else { return false };
-        let at = |row: usize| self.values[row * self.names.len() + column];
+        // an output writes it in front of the positions
+        if !(self.names.first().is_some_and(|n| n == "s") && self.names.get(1).is_some_and(|n| n == "x")) {
+            return false;
+        }
+        let at = |row: usize| self.values[row * self.names.len()];
         let apart = |row: usize| {
             let [a, b] = [self.positions[row], self.positions[row - 1]];
             (0..3).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>().sqrt()

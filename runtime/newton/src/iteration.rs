@@ -370,7 +370,8 @@ impl Attempt<'_> {
                 return Ok(false);
             }
         }
-        if let Some(first) = self.loose_at_first(step)? {
+        // another error, such as too little memory, is told as what it is
+        if singular && let Some(first) = self.loose_at_first(step)? {
             return Err(first);
         }
         let on_the_way = number > 1 && (singular || self.path.is_some() && error.is_of_the_state());
