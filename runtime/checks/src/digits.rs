@@ -64,11 +64,23 @@ pub fn digits(state: Solved<'_>, solver: &mut LinearSolver, correction: Option<f
     worst
 }
 
-/// What rounding may change of the unknowns, by dof, as one set of signs says. `None` where that cannot be found.
+/// What rounding and a residual of the part `left` of what residuals are relative to may change of the unknowns, by dof, as one set
+/// of signs says. `None` where that cannot be found.
 #[must_use]
-pub fn rounding_of_unknowns(state: Solved<'_>, solver: &mut LinearSolver) -> Option<Vec<f64>> {
-    let uncertainty = state.system.rounding(state.u, state.residual, state.tangent);
-    Some(disturbed(state, solver, &uncertainty, 1)?.unwrap_or_else(|| vec![0.0; state.u.len()]))
+pub fn uncertainty_of_unknowns(state: Solved<'_>, solver: &mut LinearSolver, left: f64) -> Option<Vec<f64>> {
+    let Solved { system, u, residual, tangent, .. } = state;
+    let mut uncertainty = system.rounding(u, residual, tangent);
+    if left > 0.0 {
+        let sizes = system.sizes(u, residual, tangent);
+        let (scales, summands) = (system.scales(residual, &sizes), system.summands(u, residual));
+        for body in system.unknown_bodies() {
+            let single = system.has_single_equations(system.field_of_body(body));
+            for d in system.dofs_of_body(body) {
+                uncertainty[d] += left * if single { summands[d] } else { scales[body] };
+            }
+        }
+    }
+    Some(disturbed(state, solver, &uncertainty, 1)?.unwrap_or_else(|| vec![0.0; u.len()]))
 }
 
 /// The change of the unknowns that an uncertainty of the equations makes, by dof; `Some(None)` without one.

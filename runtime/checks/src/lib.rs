@@ -33,7 +33,7 @@ pub use alternating::{Alternating, PorePressure, alternating, pore_pressures};
 pub use bending::{LockedBending, locked_bending};
 pub use cubic::{CubicBody, cubic_bodies};
 pub use definite::{NegativeBody, negative_bodies};
-pub use digits::{Accuracy, digits, rounding_of_unknowns};
+pub use digits::{Accuracy, digits, uncertainty_of_unknowns};
 pub use distances::{DistantContact, ReversedGap, distant_contacts, has_closed, reversed_gaps};
 pub use hourglass::{Hourglass, hourglasses};
 pub use load_rules::{CoarseLoad, coarse_loads, under_rule};

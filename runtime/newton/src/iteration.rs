@@ -159,7 +159,8 @@ impl Attempt<'_> {
             // paths have a limit of their own
             let rooms = if self.path.is_some() && room_of_paths > 0 { &mut room_of_paths } else { &mut room };
             *rooms -= 1;
-            if let Some(stop) = self.confirmed(step)? {
+            let solves = number == 1 && step.solves_once && self.here.relative > self.here.floor;
+            if let Some(stop) = if solves { None } else { self.confirmed(step)? } {
                 return self.finish(step, stop);
             }
             self.doubts += usize::from(self.doubtful.is_some());
@@ -220,8 +221,19 @@ impl Attempt<'_> {
         }
         let Some((hidden, u)) = self.doubtful.take() else { return Ok(None) };
         self.u.copy_from_slice(&u);
+        // other methods may have been tried since
+        step.contact.set_compliant(false);
+        step.contact.set_overstress(0.0);
+        self.norm.frozen = false;
         step.assemble_tangent(self.u, false)?;
         self.here = step.measure(self.u, &self.norm)?;
+        // the digits of the state are asked of the factor of its tangent
+        let mut direction = Vec::new();
+        let _ = step.correct(&self.here.residual, 0.0, &mut direction, &mut self.history);
+        let method = self.schedule.method();
+        step.record(&mut self.history, &self.here, Done { method, step: 0.0, changed: 0, corrections: 0 });
+        // nor does what was met on the way say anything of this state
+        let _ = step.solver.take_other_sign();
         self.history.hidden = hidden;
         Ok(Some(Stop::Floor))
     }

@@ -47,6 +47,9 @@ pub struct LoadStep<'a> {
     pub linear: LinearTerms,
     /// When an iteration stops.
     pub options: NewtonOptions,
+    /// A state that was predicted is solved for at least once, however small its residual: where the next step is expected from this
+    /// one, what a tolerance leaves would be taken for motion.
+    pub solves_once: bool,
     /// What is told of each iteration.
     pub watch: &'a mut dyn Watch,
     /// What was spent on the step so far, attempts that failed included.

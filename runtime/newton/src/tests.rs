@@ -59,6 +59,7 @@ impl Solving {
             offset: &self.offset,
             linear: LinearTerms::ByMatrix,
             options: self.options,
+            solves_once: false,
             watch,
             spent: Spent::default(),
             rounding: None,

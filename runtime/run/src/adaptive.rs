@@ -5,7 +5,7 @@
 //! it starts once more from the last solution. Promises: every attempt is listed; after an error unknowns and memory are
 //! those of the step before. Does not write anything.
 
-use wfl_checks::{Solved, rounding_of_unknowns};
+use wfl_checks::{Solved, uncertainty_of_unknowns};
 use wfl_discrete::{
     rates::Rates,
     system::{FIXED, Form},
@@ -143,23 +143,24 @@ impl Adaptive {
         if errors.is_some_and(|e| e.largest() > 1.0) {
             // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
             let solved = !history.solves.is_empty();
-            let own = if solved { rounding(stepper, scene, u) } else { Some(vec![0.0; u.len()]) };
+            let left = self.left.iter().fold(0.0f64, |most, left| most.max(*left));
+            let own = if solved { rounding(stepper, scene, u, left) } else { Some(vec![0.0; u.len()]) };
             // a field that is zero but for rounding has no error to be made smaller
             let own = own.map(|own| with_states(own, stepper, scene, u)).unwrap_or_default();
             errors = self.errors(scene, rules, increment, &solution, &own);
         }
         let least = Control::is_least(rules, scene.system.step().start(), increment);
         let matrix = if scene.system.bulk_follows_steps() { Matrix::Kept } else { Matrix::New };
-        let control = &mut self.control;
         // an error that is no number is too large
         let too_large = errors.filter(|e| e.largest() > 1.0 || e.largest().is_nan());
         match too_large {
             Some(errors) if !least => {
-                control.reject(increment, errors);
+                self.control.reject(increment, errors);
                 Tried::Rejected(errors.largest())
             }
             _ => {
-                control.accept(increment, errors, matrix);
+                self.control.accept(increment, errors, matrix);
+                self.leave(scene, &history);
                 Tried::Accepted(history, too_large.map(|e| e.largest()))
             }
         }
@@ -172,13 +173,13 @@ const MOVED: f64 = 1e-12;
 /// How often they are moved, each time by another part: rounding is zero by chance.
 const MOVES: [f64; 3] = [1.0, -0.61, 1.37];
 
-/// By dof what rounding may change of the unknowns at `u`.
-fn rounding(stepper: &mut Stepper, scene: &Solving<'_>, u: &[f64]) -> Option<Vec<f64>> {
+/// By dof what rounding may change of the unknowns at `u`, and a residual of the part `left` of the forces.
+fn rounding(stepper: &mut Stepper, scene: &Solving<'_>, u: &[f64], left: f64) -> Option<Vec<f64>> {
     let system = &scene.system;
     let residual = system.residual(u, &Form { linear: stepper.linear, ..Form::AS_WRITTEN }).ok()?;
     let (solver, tangent) = (stepper.solver.as_mut()?, stepper.tangent.as_ref()?);
     let state = Solved { system, contact: scene.contact, tangent, u, residual: &residual };
-    rounding_of_unknowns(state, solver)
+    uncertainty_of_unknowns(state, solver, left)
 }
 
 /// That with the same of the states behind it, which follow from the unknowns: one that is a difference of unknowns may be

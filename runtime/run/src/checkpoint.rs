@@ -37,7 +37,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 24;
+const FORMAT: u64 = 25;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -424,6 +424,7 @@ fn adaptive(w: &mut Writer, a: Option<&Adaptive>) {
     w.count(order as usize);
     w.flag(failed);
     w.numbers(&a.scales);
+    w.numbers(&a.left);
     w.numbers(&a.past.increments);
     w.count(a.past.solutions.len());
     a.past.solutions.iter().for_each(|s| w.numbers(s));
@@ -435,9 +436,9 @@ fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
     }
     let [next, allowed, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let control = Control { next, order: r.small()?, last: [allowed, increment], failed: r.flag()? };
-    let scales = r.numbers()?;
+    let (scales, left) = (r.numbers()?, r.numbers()?);
     let past = Past { increments: r.numbers()?, solutions: r.list(Reader::numbers)? };
-    Ok(Some(Adaptive { control, past, scales }))
+    Ok(Some(Adaptive { control, past, scales, left }))
 }
 
 fn balance(w: &mut Writer, b: Option<&Balance>) {

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use wfl::{Code, Diagnostic};
-use wfl_checks::{About, NarrowZone, TurnedCells, Unstable, Zigzag};
+use wfl_checks::{About, Accuracy, NarrowZone, TurnedCells, Unstable, Zigzag};
 use wfl_compiler::types::FieldKind;
 use wfl_discrete::finite::position;
 use wfl_problem::Scene;
@@ -29,7 +29,7 @@ struct Check {
 
 /// Everything that is looked at, in the order in which it is told.
 const CHECKS: &[Check] = &[
-    Check { codes: &[Code::W605], look: |run| few_digits(run.scene, &run.run.steps).into_iter().collect() },
+    Check { codes: &[Code::W605], look: |run| few_digits(run.scene, &run.run.steps) },
     Check { codes: &[Code::W607], look: |run| displaced(&run.run.steps).into_iter().collect() },
     Check { codes: &[Code::W616], look: |run| turned_cells(run.scene, &run.run.steps) },
     Check { codes: &[Code::W617], look: |run| narrow(run.scene, &run.run.steps) },
@@ -117,16 +117,24 @@ pub(super) fn worst_checks(steps: &[StepResult]) -> Vec<(f64, PhysicsCheck)> {
     worst.into_iter().map(|(time, check)| (time, PhysicsCheck { value: beside(check), ..check.clone() })).collect()
 }
 
-/// W605.
-fn few_digits(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
+/// W605, of the unknowns and of the forces.
+fn few_digits(scene: &Scene, steps: &[StepResult]) -> Vec<Diagnostic> {
     let all = steps.iter().filter_map(|s| Some((s, s.accuracy.as_ref()?)));
-    let (step, accuracy) = all.min_by(|a, b| a.1.digits().total_cmp(&b.1.digits()))?;
-    let text = format!("rounding alone changes it by about {:.0e} of its size", accuracy.error);
-    let (field, time) = (&accuracy.field, step.window.end);
-    (accuracy.digits() < FEW_DIGITS).then(|| {
+    let of_unknowns = all.min_by(|a, b| a.1.digits().total_cmp(&b.1.digits())).filter(|(_, a)| a.digits() < FEW_DIGITS);
+    let of_unknowns = of_unknowns.map(|(step, Accuracy { error, field })| {
+        let text = format!("rounding alone changes it by about {error:.0e} of its size");
+        let time = step.window.end;
         Diagnostic::new(Code::W605, format!("fewer than {FEW_DIGITS} correct digits of `{field}` at t = {time}"))
             .at_or_note(scene.place_of_field(field), text)
-    })
+    });
+    let of_forces = steps.iter().max_by(|a, b| a.hidden.total_cmp(&b.hidden)).filter(|step| step.hidden > 0.0);
+    let of_forces = of_forces.map(|step| {
+        let (time, part) = (step.window.end, step.hidden);
+        let text = format!("{part:.0e} of them does not balance, which rounding of the terms hides");
+        Diagnostic::new(Code::W605, format!("fewer than {FEW_DIGITS} correct digits of the forces at t = {time}"))
+            .note(text)
+    });
+    of_unknowns.into_iter().chain(of_forces).collect()
 }
 
 /// W607.

@@ -22,6 +22,7 @@ use super::{
 #[derive(Default)]
 struct Judged {
     accuracy: Option<Accuracy>,
+    hidden: f64,
     checks: Vec<PhysicsCheck>,
     turned: Vec<TurnedCells>,
     narrow: Vec<NarrowZone>,
@@ -74,7 +75,7 @@ impl Run {
         if solved {
             self.watched.look(scene, &self.u, window.end);
         }
-        let Judged { accuracy, checks, turned, narrow, zigzags, others, unstable, residual } = judged;
+        let Judged { accuracy, hidden, checks, turned, narrow, zigzags, others, unstable, residual } = judged;
         let branches = if solved { residual.branches } else { branches.unwrap_or_else(|| self.branches(scene)) };
         let slid = if solved { slid_past_faces(scene.system, scene.contact, &self.u) } else { Vec::new() };
         self.clock.check += begin.elapsed().as_secs_f64();
@@ -83,6 +84,7 @@ impl Run {
             history,
             attempts,
             accuracy,
+            hidden,
             checks,
             turned,
             narrow,
@@ -135,14 +137,6 @@ impl Run {
             // ranks exchange numbers in one order
             (digits(), wfl_checks::conditions(state, left))
         };
-        let accuracy = match history.hidden {
-            left if left > accuracy.as_ref().map_or(0.0, |a| a.error) => {
-                let of_unknown = || system.fields.iter().find(|f| f.kind == FieldKind::Unknown).map(|f| f.name.clone());
-                let field = accuracy.map(|a| a.field).or_else(of_unknown);
-                field.map(|field| Accuracy { error: left, field })
-            }
-            _ => accuracy,
-        };
         let mut found = wfl_checks::balance(state, scene.newton.tolerance, due.then_some(&self.turning));
         found.extend(conditions.checks);
         let (narrow, zigzags) = (conditions.narrow, conditions.zigzags);
@@ -151,13 +145,14 @@ impl Run {
         let unstable = if known.unstable { None } else { wfl_checks::unstable(state, solver, due) };
         // a check never fails a state that has converged: what it cannot evaluate it does not judge
         let others = wfl_checks::others(system, contact, solver, &self.u, known.most).unwrap_or_default();
-        let doubtful =
-            accuracy.as_ref().is_some_and(|a| a.digits() < findings::FEW_DIGITS) || found.iter().any(|c| !c.holds());
+        let few = history.hidden > 0.0 || accuracy.as_ref().is_some_and(|a| a.digits() < findings::FEW_DIGITS);
+        let doubtful = few || found.iter().any(|c| !c.holds());
         // where the prescribed values alone turn cells inside out, the state of rest is no state at all
         if doubtful && wfl_checks::rests(state, &form).unwrap_or(false) {
             // what differs from zero is rounding, and so is every number made of it
             return Ok(Judged { others, unstable, residual, ..Judged::default() });
         }
-        Ok(Judged { accuracy, checks: found, turned, narrow, zigzags, others, unstable, residual })
+        let hidden = history.hidden;
+        Ok(Judged { accuracy, hidden, checks: found, turned, narrow, zigzags, others, unstable, residual })
     }
 }

@@ -106,6 +106,8 @@ pub struct StepResult {
     pub attempts: Vec<Attempt>,
     /// What finite precision leaves of the unknowns, where a tangent was solved and the step converged.
     pub accuracy: Option<Accuracy>,
+    /// The part of the forces on bodies that does not balance and that rounding hides, where it is much; 0 elsewhere.
+    pub hidden: f64,
     /// Conditions of mechanics at a converged state.
     pub checks: Vec<PhysicsCheck>,
     /// Cells of bodies of finite strain that turned inside out, by term.

@@ -4,6 +4,7 @@
 use std::ops::Range;
 
 use wfl_discrete::rates::{MOST_ORDER, Scheme};
+use wfl_newton::StepHistory;
 use wfl_problem::{Auto, Scene, Solving};
 
 use super::{
@@ -22,11 +23,18 @@ pub(super) struct Adaptive {
     pub(super) past: Past,
     /// By field that counts the largest value it has had.
     pub(super) scales: Vec<f64>,
+    /// The relative residuals that Newton's method has left of the solutions in `past`, in their order.
+    pub(super) left: Vec<f64>,
 }
 
 impl Adaptive {
     pub(super) fn new(rules: &Auto) -> Self {
-        Self { control: Control::new(rules), past: Past::default(), scales: vec![0.0; rules.fields.len()] }
+        Self {
+            control: Control::new(rules),
+            past: Past::default(),
+            scales: vec![0.0; rules.fields.len()],
+            left: Vec::new(),
+        }
     }
 
     /// Behind a corner of a load earlier solutions say nothing of the next one: the first increment follows, as at the
@@ -34,6 +42,7 @@ impl Adaptive {
     pub(super) fn turn(&mut self, rules: &Auto) {
         self.control.turn(rules);
         self.past = Past::default();
+        self.left.clear();
     }
 
     /// Takes a solution at the end of an increment.
@@ -44,6 +53,12 @@ impl Adaptive {
         }
         scene.system.team().max(&mut self.scales);
         self.past.add(increment, solution, most_order(scene) + 1);
+    }
+
+    /// Takes what Newton's method has left of the solution that [`Self::add`] takes next.
+    pub(super) fn leave(&mut self, scene: &Solving<'_>, history: &StepHistory) {
+        self.left.insert(0, history.iterations.last().map_or(0.0, |last| last.residual));
+        self.left.truncate(most_order(scene) + 1);
     }
 
     /// What is expected behind another increment; `None` where nothing is known of the past.

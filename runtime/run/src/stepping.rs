@@ -187,6 +187,7 @@ impl Stepper {
         let mut watch = Forward { progress };
         let carries = scene.system.rates().is_some_and(Rates::carries_rounding);
         let newton = scene.newton;
+        let solves_once = scene.steps.auto.is_some() && target.load.is_none();
         let mut step = LoadStep {
             system: scene.system,
             contact: scene.contact,
@@ -195,6 +196,7 @@ impl Stepper {
             offset: &offset,
             linear: LinearTerms::ByMatrix,
             options: NewtonOptions { max_iterations: newton.max_iterations.min(target.iterations), ..newton },
+            solves_once,
             watch: &mut watch,
             spent: Spent::default(),
             rounding: carries.then(Rounding::default),

@@ -42,6 +42,7 @@ pub(super) fn step(w: &mut Writer, s: &StepResult) {
     w.count(s.others as usize);
     w.count(s.attempts.len());
     s.attempts.iter().for_each(|a| attempt(w, a));
+    w.numbers(&[s.hidden]);
     w.count(usize::from(s.accuracy.is_some()));
     s.accuracy.iter().for_each(|a| {
         w.numbers(&[a.error]);
@@ -128,6 +129,8 @@ pub(super) fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         _ => return Err(Unreadable),
     };
     step.attempts = r.list(read_attempt)?;
+    let [hidden] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    step.hidden = hidden;
     let accuracy = r.list(|r| {
         let [error] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok(Accuracy { error, field: r.text()? })
