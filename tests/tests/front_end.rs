@@ -92,6 +92,7 @@ fn every_page_has_a_code_that_is_given() {
         "runtime/sparse/src",
         "runtime/discrete/src",
         "runtime/contact/src",
+        "runtime/linear/src",
         "runtime/newton/src",
         "runtime/checks/src",
         "runtime/output/src",

@@ -10,7 +10,7 @@
 //! is another matter.
 
 use super::Solved;
-use wfl_newton::LinearSolver;
+use wfl_linear::LinearSolver;
 
 /// Sets of signs that are tried: the second one may see what signs of the first one cancel; the larger error counts.
 const SAMPLES: u64 = 2;

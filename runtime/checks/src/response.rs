@@ -18,7 +18,7 @@ use wfl_discrete::{
     finite::largest,
     system::{FIXED, System},
 };
-use wfl_newton::LinearSolver;
+use wfl_linear::LinearSolver;
 use wfl_sparse::csr::Csr;
 
 /// What uncertainties of the size of the rows of a matrix make of the unknowns.

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use super::Solved;
 use wfl_compiler::types::{FieldKind, UniformSlot};
 use wfl_discrete::system::{Branches, FIXED, System, Tangent};
-use wfl_newton::LinearSolver;
+use wfl_linear::LinearSolver;
 use wfl_sparse::csr::Csr;
 
 /// Masses that stand for infinite ones, in units of the largest sum of a row. Roots lie below one of it where constraints act

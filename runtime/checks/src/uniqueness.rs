@@ -17,7 +17,8 @@
 
 use wfl_contact::Contact;
 use wfl_discrete::system::{Branches, System};
-use wfl_newton::{LinearSolver, NewtonError};
+use wfl_linear::LinearSolver;
+use wfl_newton::NewtonError;
 
 /// Whether the equations of a state have other solutions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]

@@ -13,11 +13,12 @@ use wfl::{
 };
 use wfl_compiler::types::FieldKind;
 use wfl_discrete::{field::FieldSpace, system::FIXED};
+use wfl_linear::LinearSolver;
 use wfl_mesh::{
     element::Family,
     mesh::{self, FacetId, Mesh, Polynomials, RegionSet},
 };
-use wfl_newton::{LinearSolver, planned_stages};
+use wfl_newton::planned_stages;
 use wfl_problem::Scene;
 use wfl_sparse::solve::{Linked, SolverOptions};
 use wfl_tasks::{

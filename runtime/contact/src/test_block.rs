@@ -1,4 +1,4 @@
-//! The smallest scene with contact, for tests of this crate and of `newton`: a row of squares above a floor.
+//! The smallest scene with contact, for tests of this crate, of `linear` and of `newton`: a row of squares above a floor.
 //!
 //! Bilinear squares of edge 1 in 2-D, moved by `u`, held at the top (y = 1) where values are prescribed. Terms are texts,
 //! those of `floor` on the faces at y = 0, whose normal is (0, -1).
@@ -35,6 +35,8 @@ use wfl_mesh::{
 
 /// A linear body: `stress = grad u`, so that each component obeys Laplace's equation.
 pub(crate) const LAPLACE: &str = "Grad_u:Grad_Test_u";
+/// A body that is stiffer the more it is strained: |grad u|^2 grad u.
+pub(crate) const CUBIC: &str = "Norm_sqr(Grad_u)*(Grad_u:Grad_Test_u)";
 /// A penalty of stiffness 10 against the floor, and Coulomb friction with the coefficient 1/2.
 pub(crate) const PENALTY_WITH_FRICTION: &str = "(pos_part(10*u.Normal)*Normal
     + Ball_projection(10*(u - (u.Normal)*Normal), 0.5*pos_part(10*u.Normal))).Test_u";

@@ -16,8 +16,8 @@ use super::{
     critical_point::CriticalPoint,
     load_step::{Done, Measured, Norm},
 };
-use crate::LinearSolver;
 use wfl_compiler::types::FieldKind;
+use wfl_linear::LinearSolver;
 use wfl_sparse::{
     csr::Csr,
     solve::{CheckedLlt, LinearSolver as _},

@@ -172,8 +172,8 @@ mod tests {
     use super::{CriticalPoint, Method, Norm, applies, between, low_enough};
     use crate::{
         Silent,
-        test_block::{Block, LAPLACE, PENALTY},
-        tests::{CUBIC, Solving},
+        test_block::{Block, CUBIC, LAPLACE, PENALTY},
+        tests::Solving,
     };
 
     #[test]

@@ -8,7 +8,6 @@
 
 use super::{
     Evaluated, Method, NewtonError, StepHistory,
-    linear_solver::LEFT_OF_FULL_STEP,
     load_step::{LoadStep, Measured, Norm},
 };
 
@@ -47,17 +46,18 @@ impl Inexact {
         before: Option<f64>,
         best: Option<f64>,
     ) -> Option<Self> {
-        let applies =
-            method == Method::ActiveSet && step.solver.solves_in_parts(step.system) && !step.has_single_equations();
+        let least = step.solver.left_of_full_step(step.system)?;
+        let applies = method == Method::ActiveSet && !step.has_single_equations();
         if !applies || best.is_some_and(|best| here >= best) {
             return None;
         }
-        Some(Self::asked(here, before, step.options.tolerance))
+        Some(Self::asked(here, before, step.options.tolerance, least))
     }
 
-    /// What is asked of a correction of a state with this relative residual after one with the residual `before`.
-    fn asked(here: f64, before: Option<f64>, tolerance: f64) -> Self {
-        let last = (OF_THE_TOLERANCE * tolerance / here).max(LEFT_OF_FULL_STEP);
+    /// What is asked of a correction of a state with this relative residual after one with the residual `before`; no less
+    /// than `least` is left.
+    fn asked(here: f64, before: Option<f64>, tolerance: f64, least: f64) -> Self {
+        let last = (OF_THE_TOLERANCE * tolerance / here).max(least);
         let next = before.map_or(1.0, |before| (here / before) * (here / before));
         Self { first: (ASKED * OF_THE_CHANGES * next).min(FIRST).max(last), last }
     }
@@ -123,18 +123,21 @@ impl Inexact {
 mod tests {
     use super::*;
 
+    /// What a linear solver leaves where no branch changes.
+    const LEAST_LEFT: f64 = 1e-10;
+
     #[test]
     fn the_first_attempt_follows_the_speed_of_the_last_iteration() {
-        assert_eq!(Inexact::asked(1.0, None, 1e-10).first, 1e-3, "never less than a few digits");
+        assert_eq!(Inexact::asked(1.0, None, 1e-10, LEAST_LEFT).first, 1e-3, "never less than a few digits");
         // the residual has fallen to a tenth: to a hundredth next, of which 0.003 may be left
-        assert!((Inexact::asked(0.1, Some(1.0), 1e-10).first - 3e-5).abs() < 1e-19);
+        assert!((Inexact::asked(0.1, Some(1.0), 1e-10, LEAST_LEFT).first - 3e-5).abs() < 1e-19);
     }
 
     #[test]
     fn near_the_tolerance_no_attempt_asks_for_more_than_shows() {
-        let asked = Inexact::asked(1e-9, Some(1.0), 1e-10);
+        let asked = Inexact::asked(1e-9, Some(1.0), 1e-10, LEAST_LEFT);
         assert!((asked.last - 1e-5).abs() < 1e-19 && asked.first == asked.last);
-        assert_eq!(Inexact::asked(1.0, Some(1.0), 1e-10).last, LEFT_OF_FULL_STEP);
+        assert_eq!(Inexact::asked(1.0, Some(1.0), 1e-10, LEAST_LEFT).last, LEAST_LEFT);
     }
 
     #[test]

@@ -152,10 +152,7 @@ pub(super) fn displace(system: &System, u: &mut [f64]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        test_block::{Block, LAPLACE, PENALTY},
-        tests::CUBIC,
-    };
+    use crate::test_block::{Block, CUBIC, LAPLACE, PENALTY};
 
     #[test]
     fn smooth_bodies_at_rest_may_be_degenerate_and_moved_ones_are_not() {

@@ -5,32 +5,25 @@
 //! which. There are three mechanisms: damped semismooth Newton steps with a choice of merit (`line_search`,
 //! `critical_point`), one homotopy in the regularised law of contact (`homotopy`), and piecewise linear path following
 //! (`path_following`). Which of them a step uses, and when the next takes over, stands in one table (`schedule`).
+//! Linear systems are solved by [`wfl_linear`].
 #![forbid(unsafe_code)]
 
 mod branch;
-mod condensation;
-mod cost;
 mod critical_point;
 mod error;
-mod filtered;
 mod history;
 mod homotopy;
 mod inexact;
 mod initial_guess;
 mod iteration;
-mod iterative;
-mod library;
 mod line_search;
-mod linear_solver;
 mod load_step;
 mod measures;
 mod method;
 mod path_following;
-mod plan;
 mod refinement;
 mod rest;
 mod schedule;
-mod without_matrix;
 
 #[cfg(test)]
 #[path = "../../contact/src/test_block.rs"]
@@ -38,15 +31,10 @@ mod test_block;
 #[cfg(test)]
 mod tests;
 
-pub use condensation::condenses;
 pub use error::{NewtonError, Singular};
-pub use filtered::obstacle_of_filter;
 pub use history::{Iteration, StepHistory, Stop};
-pub use iterative::obstacle;
-pub use linear_solver::{LinearSolver, shares_forces};
 pub use load_step::{LoadStep, Rounding, Spent};
 pub use method::Method;
-pub use plan::{Extent, FactorKind, LinearPlan};
 pub use schedule::{PlannedStage, planned_stages};
 
 use wfl_discrete::assemble::TermError;

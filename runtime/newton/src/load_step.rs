@@ -6,12 +6,12 @@ use std::time::Instant;
 
 use super::{Evaluated, LARGEST_TOLERANCE, Method, NewtonError, NewtonOptions, StepHistory, Stop, Watch};
 use crate::Iteration;
-use crate::LinearSolver;
 use wfl_compiler::types::FieldKind;
 use wfl_contact::Contact;
 use wfl_discrete::assemble::VolumeLimit;
 use wfl_discrete::finite::largest as largest_of;
 use wfl_discrete::system::{Branches, FIXED, Form, LinearTerms, Residual, System, Tangent};
+use wfl_linear::LinearSolver;
 use wfl_sparse::solve::{SolveError, SolveReport};
 
 /// The rounding floor in units of roundoff times |K||u|: each entry of a residual is rounded about so often, and errors of

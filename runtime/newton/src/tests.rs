@@ -3,18 +3,17 @@
 //! A square of edge 1 with stress = grad u moves down by `u` at its floor: its stiffness is 1 there, and a force of 2 by
 //! area, of which the top carries half, is a force of 1. The floor is 10 by length.
 
-use super::test_block::{Block, LAPLACE, PENALTY, PENALTY_WITH_FRICTION};
+use super::test_block::{Block, CUBIC, LAPLACE, PENALTY, PENALTY_WITH_FRICTION};
 use super::*;
 use wfl_discrete::{
     system::{LinearTerms, Tangent},
     window::Window,
 };
+use wfl_linear::LinearSolver;
 use wfl_sparse::solve::SolverOptions;
 
 /// Forces by area, down and to the right, that grow with the step.
 const WEIGHT: &str = "[0,2*t].Test_u";
-/// A body that is stiffer the more it is strained: |grad u|^2 grad u.
-pub(crate) const CUBIC: &str = "Norm_sqr(Grad_u)*(Grad_u:Grad_Test_u)";
 
 /// A block with all that a step is solved with.
 pub(crate) struct Solving {

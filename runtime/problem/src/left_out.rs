@@ -2,7 +2,7 @@
 
 use wfl_compiler::{Class, types::FieldKind};
 use wfl_discrete::{pruning::Pruning, system::System};
-use wfl_newton::{condenses, shares_forces};
+use wfl_linear::{condenses, shares_forces};
 
 use super::Scene;
 

@@ -5,7 +5,8 @@ use wfl::{
     ast::{OptionItem, OptionValue},
 };
 use wfl_discrete::{system::System, window::Window};
-use wfl_newton::{LARGEST_PERTURBATION, LARGEST_TOLERANCE, NewtonOptions, obstacle, obstacle_of_filter};
+use wfl_linear::{obstacle, obstacle_of_filter};
+use wfl_newton::{LARGEST_PERTURBATION, LARGEST_TOLERANCE, NewtonOptions};
 use wfl_sparse::solve::LinearMethod;
 
 use super::{

@@ -2,8 +2,9 @@
 
 use wfl_discrete::pruning::Saving;
 use wfl_host::team::Team;
+use wfl_linear::LinearSolver;
 use wfl_mesh::mesh::{CellKind, Mesh};
-use wfl_newton::{LinearSolver, Stop};
+use wfl_newton::Stop;
 use wfl_output::{
     AttemptReport, Check, ContactCounts, LeftOutReport, MeshReport, OrderedMap, ParameterValue, Real, Report,
     StepReport, Timings, peak_memory_bytes,

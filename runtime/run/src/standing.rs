@@ -1,7 +1,8 @@
 //! A run takes its state as a value, and goes back to one: within a step to its snapshot, between steps to a state.
 
 use wfl_discrete::window::Window;
-use wfl_newton::{LinearSolver, NewtonError};
+use wfl_linear::LinearSolver;
+use wfl_newton::NewtonError;
 use wfl_problem::Solving;
 
 use super::{

@@ -13,7 +13,8 @@ use wfl_discrete::{
     system::{LinearTerms, Residual, Tangent},
     window::Window,
 };
-use wfl_newton::{LinearSolver, LoadStep, NewtonError, NewtonOptions, Rounding, Spent, StepHistory, solve_step};
+use wfl_linear::LinearSolver;
+use wfl_newton::{LoadStep, NewtonError, NewtonOptions, Rounding, Spent, StepHistory, solve_step};
 use wfl_problem::{Scene, Solving};
 use wfl_sparse::solve::SolverOptions;
 

@@ -150,7 +150,7 @@ fn a_small_scene_never_meets_it() {
     let text = fault(8, NITSCHE, &[], "gmres, amg").replace("solver linear with gmres, amg\n", "");
     let scene = prepared(&text);
     let options = wfl_sparse::solve::SolverOptions::default();
-    let plan = wfl_newton::LinearSolver::plan(&scene.system, &options).to_string();
+    let plan = wfl_linear::LinearSolver::plan(&scene.system, &options).to_string();
     assert!(plan.contains("factored once (LLT)"), "{plan}");
 }
 

@@ -1,4 +1,4 @@
-//! The numbers that iterations, contact, checks and the search for an accuracy decide by: writes `docs/constants.md`.
+//! The numbers that iterations, linear solvers, contact, checks and the search for an accuracy decide by: writes `docs/constants.md`.
 //!
 //! `cargo run -p wfl-tests --bin constants` makes the page from the comments; with `-- vary NAME..` behind it the range of
 //! these constants is measured first, with `-- vary` that of all which were not measured with their present value.

@@ -1,4 +1,4 @@
-//! The numbers that Newton's method, contact, the checks and the search for an accuracy decide by, as `docs/constants.md`
+//! The numbers that Newton's method, linear solvers, contact, the checks and the search for an accuracy decide by, as `docs/constants.md`
 //! lists them: what each is, its unit, and why it has this value, from its doc comment.
 //!
 //! A comment says first what the number is; what stands behind the first colon, semicolon or full stop says why. The unit
@@ -19,8 +19,9 @@ use std::{
 pub use varied::{BUDGET, Range, SUITES, UNREAD, VariedWorkspace, name_of, read_ranges, write_ranges};
 
 /// Where the numbers stand, and what decides there.
-const FOLDERS: [(&str, &str); 4] = [
+const FOLDERS: [(&str, &str); 5] = [
     ("runtime/newton/src", "Newton's method"),
+    ("runtime/linear/src", "Linear systems"),
     ("runtime/contact/src", "Contact"),
     ("runtime/checks/src", "Checks"),
     ("runtime/adapt/src/accuracy", "The search for an accuracy"),
@@ -218,7 +219,7 @@ pub fn page(root: &Path) -> String {
     let singles = single_constants(root);
     let measured = singles.iter().filter(|(name, c)| !range_told(&ranges, name, &c.value).is_empty()).count();
     let mut page = format!(
-        "# Numbers that decide\n\nIn short: iterations, contact, checks and the search for an accuracy decide by {n} \
+        "# Numbers that decide\n\nIn short: iterations, linear solvers, contact, checks and the search for an accuracy decide by {n} \
          constants. {units} of them have a unit in words, for {reasons} their comment says why they are so large. \
          `cargo run -p wfl-tests --bin constants` makes this page from the comments.\n\nRanges are factors of the value \
          within which tests of these suites pass, in the release profile: {}; of those that ask for the number the quickest ones, \

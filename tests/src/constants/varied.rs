@@ -27,9 +27,10 @@ const ATTEMPTS: usize = 8;
 
 /// Packages whose suites are built, and the suites of them that are run: unit tests of crates by the names of these, and
 /// programs of tests.
-const PACKAGES: [&str; 5] = ["wfl-suites", "wfl-cli", "wfl-newton", "wfl-contact", "wfl-checks"];
+const PACKAGES: [&str; 6] = ["wfl-suites", "wfl-cli", "wfl-linear", "wfl-newton", "wfl-contact", "wfl-checks"];
 /// The suites, in the order in which they are run, quick ones first: the program that has them, and the part of it.
-pub const SUITES: [[&str; 2]; 7] = [
+pub const SUITES: [[&str; 2]; 8] = [
+    ["wfl_linear", ""],
     ["wfl_newton", ""],
     ["wfl_contact", ""],
     ["wfl_checks", ""],

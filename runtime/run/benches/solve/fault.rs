@@ -7,7 +7,8 @@ use std::{
 
 use wfl::{Loader, SourceId};
 use wfl_discrete::system::{Branches, Tangent};
-use wfl_newton::{Iteration, LinearSolver};
+use wfl_linear::LinearSolver;
+use wfl_newton::Iteration;
 use wfl_output::peak_memory_bytes;
 use wfl_problem::Scene;
 use wfl_run::{Outcome, Progress, RunOptions, run};

@@ -60,7 +60,7 @@ struct Sum {
 
 /// What a solution of a library may leave of its right-hand side where a full step solves all equations but for branches
 /// that change: Newton shall end there, as with a factor, and not need another step for what the solution has left.
-pub(super) const LEFT_OF_FULL_STEP: f64 = 1e-10;
+const LEFT_OF_FULL_STEP: f64 = 1e-10;
 
 /// The linear solver of a scene.
 pub struct LinearSolver {
@@ -460,34 +460,18 @@ impl LinearSolver {
         Ok(self.was_negative())
     }
 
-    /// An estimate of the condition number of the tangent last given, in the 1-norm; a handful of solutions.
-    ///
-    /// # Errors
-    /// [`SolveError`] before there is a tangent.
-    pub fn condition_estimate(&mut self) -> Result<f64, SolveError> {
-        match &mut self.kind {
-            Kind::Condensed(c) => {
-                let estimate = c.condition_estimate();
-                self.factorisations += c.take_factorisations();
-                estimate
-            }
-            _ => match self.iterative.as_mut().filter(|iterative| iterative.is_at_work()) {
-                Some(iterative) => iterative.solver().condition_estimate(),
-                None => self.solver.as_mut().ok_or(SolveError::NotFactored)?.condition_estimate(),
-            },
-        }
-    }
-
     /// What the solution for a correction of Newton may leave of its right-hand side where `wanted` would not show.
     #[must_use]
     pub fn forcing(&self, system: &System, wanted: f64) -> f64 {
-        if self.solves_in_parts(system) { wanted.min(LEFT_OF_FULL_STEP) } else { wanted }
+        self.left_of_full_step(system).map_or(wanted, |left| wanted.min(left))
     }
 
-    /// Whether a full step solves the equations but for branches that change, with a solver for which fewer digits cost less.
+    /// What a solution may leave of its right-hand side where a full step solves the equations but for branches that change,
+    /// with a solver for which fewer digits cost less; `None` elsewhere.
     #[must_use]
-    pub(super) fn solves_in_parts(&self, system: &System) -> bool {
-        self.library.is_some() && !system.is_linear() && system.is_affine_when_frozen()
+    pub fn left_of_full_step(&self, system: &System) -> Option<f64> {
+        let solves_in_parts = self.library.is_some() && !system.is_linear() && system.is_affine_when_frozen();
+        solves_in_parts.then_some(LEFT_OF_FULL_STEP)
     }
 
     /// Solves with the tangent last given; vectors over the free dofs. A true residual of no more than `tolerance` of

@@ -289,7 +289,7 @@ mod tests {
 
     #[test]
     fn nonlinear_bodies_are_iterated_on_request_and_small_ones_not_by_themselves() {
-        use crate::{test_block::Block, tests::CUBIC};
+        use crate::test_block::{Block, CUBIC};
         let system = Block::new(2, &[CUBIC], &[]).system;
         assert_eq!(obstacle(&system), None);
         assert!(is_chosen(&system, LinearMethod::Iterative, 1) && !is_chosen(&system, LinearMethod::Auto, 1));

@@ -67,7 +67,7 @@ impl LinearSolver {
     ///
     /// # Errors
     /// [`SolveError::NotPositiveDefinite`] and others.
-    pub(crate) fn cholesky(&self, matrix: &Csr) -> Result<CheckedLlt, SolveError> {
+    pub fn cholesky(&self, matrix: &Csr) -> Result<CheckedLlt, SolveError> {
         let mut made = CheckedLlt::new(matrix.pattern(), Some(self.coordinates.as_slice()), self.options)?;
         made.factor(matrix)?;
         Ok(made)
