@@ -269,3 +269,26 @@ fn a_mass_of_the_faces_stays_where_it_is() {
     let told = refused(text);
     assert!(told.contains("E452") && told.contains("term tip"), "{told}");
 }
+
+/// The force of Coriolis does no work, but between rates of two kinds it would: the energy grew 48 times in 200 steps.
+#[test]
+fn forces_that_turn_with_the_velocity_stay_off_nodes_without_mass() {
+    let block = |scheme: &str, on: &str| {
+        format!(
+            "mesh box [0,0] to [1,0.5] cells [4,2] quad\nregion left = faces where x == 0\nregion right = faces where x == 1\n\
+             region back = cells where x > 0.5\nunknown u : vector\nterm inertia on all : Dot2_u.Test_u\n\
+             term stress on all : 100*Sym(Grad_u):Grad_Test_u\nterm hold on left : 50*u.Test_u\n\
+             term drag on left : 3*Dot_u.Test_u\nterm coriolis on {on} : 30*(Dot_u(1)*Test_u(2) - Dot_u(2)*Test_u(1))\n\
+             load u = [1 - cos(6*t),0] on right\nscheme {scheme} massless=left\nsteps t = 0 to 0.3 by 1.5e-3\n\
+             measure k = integral(Norm_sqr(Dot_u)) on all\n"
+        )
+    };
+    for scheme in ["newmark", "hht alpha=-0.1", "generalised_alpha rho_inf=0.8"] {
+        let told = refused(&block(scheme, "all"));
+        assert!(told.contains("E452") && told.contains("not symmetric") && told.contains("term coriolis"), "{told}");
+    }
+    let k = |scheme: &str| run(&block(scheme, "back")).measure(199, "k");
+    let (newmark, bdf) = (k("newmark"), k("bdf2"));
+    assert!((newmark / bdf - 1.0).abs() < 2e-3, "{newmark} {bdf}");
+    run(&block("bdf2", "all"));
+}

@@ -71,13 +71,29 @@ pub fn unstable(state: Solved<'_>, solver: &mut LinearSolver, due: bool) -> Opti
     }
 }
 
-/// Fields that act as forces: multipliers, and those whose own diagonal has no positive entry.
+/// Fields that act as forces: multipliers, and those whose own diagonal has no positive entry. A force acts on something: one of
+/// the latter that stands beside other forces alone is what these act on, such as the way of a rigid platen that a
+/// multiplier ties to a body.
 fn forces(system: &System, matrix: &Csr) -> Vec<usize> {
-    let acts_as_force = |field: &usize| {
-        let is_multiplier = system.fields[*field].kind == FieldKind::Multiplier;
-        is_multiplier || free(system, *field).all(|row| matrix.get(row, row) <= 0.0)
+    let fields = 0..system.fields.len();
+    let is_multiplier = |field: usize| system.fields[field].kind == FieldKind::Multiplier;
+    let without_stiffness: Vec<bool> =
+        fields.clone().map(|k| free(system, k).all(|row| matrix.get(row, row) <= 0.0)).collect();
+    let mut field_of_row = vec![0; matrix.n_rows()];
+    fields.clone().for_each(|field| free(system, field).for_each(|row| field_of_row[row] = field));
+    let acts_on_some = |field: usize| {
+        let is_entry = |(column, value): (&u32, &f64)| {
+            let other = field_of_row[*column as usize];
+            *value != 0.0 && other != field && !is_multiplier(other) && !without_stiffness[other]
+        };
+        let acts = |row: usize| {
+            let (columns, values) = matrix.row(row);
+            columns.iter().zip(values).any(is_entry)
+        };
+        free(system, field).any(acts)
     };
-    (0..system.fields.len()).filter(acts_as_force).collect()
+    let acts_as_force = |field: &usize| is_multiplier(*field) || without_stiffness[*field] && acts_on_some(*field);
+    fields.filter(acts_as_force).collect()
 }
 
 /// Free unknowns of a field.

@@ -19,7 +19,7 @@ use crate::{
     assemble::AssembledTerm,
     field::{Field, FieldSpace},
     lumped::{has_a_mass_of_its_own, reads},
-    rates::{RateFactors, Rates},
+    rates::{RateFactors, Rates, Scheme},
     space::Space,
     system::{Redistribution, System, SystemError},
 };
@@ -59,6 +59,11 @@ pub enum Unmovable {
     },
     /// The inertia of a term, by its position, is that of the faces themselves: it would be moved by a layer of cells.
     OnFaces {
+        /// The term.
+        term: usize,
+    },
+    /// The forces of a term, by its position, couple rates of relieved nodes with those of others and are not symmetric.
+    Turning {
         /// The term.
         term: usize,
     },
@@ -104,7 +109,12 @@ pub fn redistribution(system: &mut System, nodes: &dyn Fn(&Field) -> Vec<u32>) -
     if let Some(term) = on_faces(system, &relieved) {
         return Err(Unmovable::OnFaces { term });
     }
-    let [left, difference] = redistributed(&mass(system)?, &carriers)?;
+    if let Some(term) = turning(system, &relieved)? {
+        return Err(Unmovable::Turning { term });
+    }
+    let inertial: Vec<usize> = (0..system.terms.len()).filter(|k| inertia(&system.terms[*k])).collect();
+    let acceleration = RateFactors { acceleration: 1.0, ..RateFactors::default() };
+    let [left, difference] = redistributed(&of_rates(system, &inertial, acceleration)?, &carriers)?;
     Ok(Redistribution::new(left, difference, relieved))
 }
 
@@ -189,19 +199,48 @@ fn affine_weights(point: [f64; 3], places: &[[f64; 3]]) -> Option<Vec<f64>> {
     ((sum - wanted).amax() < EXACT).then_some(weights)
 }
 
-/// The mass matrix of a system, by dof in the axes of the scene: the derivative of its terms in the second rates.
-fn mass(system: &mut System) -> Result<Csr, SystemError> {
-    let wanted: Vec<usize> = (0..system.terms.len()).filter(|k| reads(&system.terms[*k], RateOrder::Second)).collect();
-    let mut at = |acceleration: f64| {
+/// A term whose derivative in the rates is not symmetric between relieved nodes and others, such as that of Coriolis or of
+/// convection. Its two forces cancel in the power as long as both nodes have rates of one kind; those of nodes without
+/// mass are differences backwards, those of others are not, and such a term feeds what it should turn.
+fn turning(system: &mut System, relieved: &[bool]) -> Result<Option<usize>, SystemError> {
+    // schemes of backward differences lose what such a term feeds
+    if !system.rates().is_some_and(|rates| matches!(rates.scheme(), Scheme::Newmark { .. } | Scheme::Alpha(_))) {
+        return Ok(None);
+    }
+    let second = system.rates().into_iter().flat_map(Rates::fields).filter(|of| of.form == RateForm::Second);
+    let ranges: Vec<_> = second.map(|of| of.dofs.clone()).collect();
+    let moves = |dof: usize| ranges.iter().any(|range| range.contains(&dof));
+    let velocity = RateFactors { velocity: 1.0, ..RateFactors::default() };
+    for term in 0..system.terms.len() {
+        if !reads(&system.terms[term], RateOrder::First) {
+            continue;
+        }
+        let made = of_rates(system, &[term], velocity)?;
+        let beside = (0..made.n_rows()).filter(|row| relieved[*row]);
+        let is_skew = |row: usize| {
+            let columns = made.row(row).0.iter().map(|column| *column as usize);
+            let mut others = columns.filter(|column| !relieved[*column] && moves(*column));
+            others.any(|column| (made.get(row, column) - made.get(column, row)).abs() > EXACT * made.max_abs())
+        };
+        if beside.filter(|row| moves(*row)).any(is_skew) {
+            return Ok(Some(term));
+        }
+    }
+    Ok(None)
+}
+
+/// The derivative of some terms in the rates, by dof in the axes of the scene: in the second ones it is the mass matrix.
+fn of_rates(system: &mut System, wanted: &[usize], of: RateFactors) -> Result<Csr, SystemError> {
+    let mut at = |factor: f64| {
         if let Some(rates) = system.rates_mut() {
-            rates.probe(RateFactors { acceleration, ..RateFactors::default() });
+            rates.probe(RateFactors { acceleration: factor * of.acceleration, velocity: factor * of.velocity, ..of });
         }
         system.set_laws(system.step());
-        system.tangent_of(&wanted)
+        system.tangent_of(wanted)
     };
     let without = at(0.0)?;
     let mut made = at(1.0)?;
-    // where a term has a stiffness, too, the mass has to be large enough beside it not to be lost in its rounding
+    // where a term has a stiffness, too, the other has to be large enough beside it not to be lost in its rounding
     let mut factor = 1.0;
     if without.max_abs() > 0.0 {
         let beside = made.values().iter().zip(without.values()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);

@@ -1,7 +1,7 @@
 //! `param gamma = auto`: the parameter of Nitsche's method from the elements at the interface.
 //!
 //! The scene is made with the value 1, which gives the factor between the param and the parameter of each term; the
-//! param then gets what [`wfl_newton::Coercivity::usual`] asks for. That the value does what it should is checked: where
+//! param then gets what [`wfl_contact::Coercivity::usual`] asks for. That the value does what it should is checked: where
 //! a part of the parameter does not come from the param (the hoop stress of a body of revolution changes with the
 //! displacement, too), the next value follows from the last one.
 

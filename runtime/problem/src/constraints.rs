@@ -4,6 +4,7 @@
 //! rotated to a frame of its normals ([`wfl_discrete::frames`]).
 
 mod contradictions;
+mod tilted;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -33,6 +34,7 @@ use crate::{
 
 pub(super) use contradictions::Contradiction;
 use contradictions::{Overruled, part_of};
+use tilted::{INDEPENDENT, Tilted, apart, tilted};
 
 /// The values of one `fix` for one field on one region.
 struct Fix {
@@ -74,15 +76,6 @@ struct Condition {
     n_components: usize,
     along: Along,
     number: Number,
-}
-
-/// A node with a prescribed displacement along directions that are no axes.
-struct Tilted {
-    frame: Frame,
-    /// The numbers behind the first axes of the frame; with the triangle they give the displacement along those.
-    numbers: Vec<Number>,
-    /// `numbers[i] = sum over j <= i of triangle[i][j] * (displacement along axis j)`
-    triangle: Vec<Vec<f64>>,
 }
 
 /// All prescribed values of a scene.
@@ -140,11 +133,15 @@ impl Prescribed {
         }
         for node in &self.tilted {
             let mut along: Vec<f64> = Vec::with_capacity(node.numbers.len());
-            for (row, n) in node.triangle.iter().zip(&node.numbers) {
+            for (row, numbers) in node.triangle.iter().zip(&node.numbers) {
                 let known: f64 = row.iter().zip(&along).map(|(c, a)| c * a).sum();
-                along.push((number(n) - known) / row[along.len()]);
+                along.push((numbers.iter().map(number).sum::<f64>() - known) / row[along.len()]);
             }
             let own = &mut u[node.frame.first..][..node.frame.axes.len()];
+            if along.len() == own.len() {
+                // nothing is left of what stood there, not even its rounding
+                own.fill(0.0);
+            }
             for (axis, wanted) in node.frame.axes.iter().zip(along) {
                 let is: f64 = axis.iter().zip(own.iter()).map(|(a, x)| a * x).sum();
                 own.iter_mut().zip(axis).for_each(|(x, a)| *x += (wanted - is) * a);
@@ -168,9 +165,9 @@ impl Prescribed {
         }
         for node in &self.tilted {
             let mut along = functional[node.frame.first..][..node.numbers.len()].to_vec();
-            for (i, (row, n)) in node.triangle.iter().zip(&node.numbers).enumerate().rev() {
+            for (i, (row, numbers)) in node.triangle.iter().zip(&node.numbers).enumerate().rev() {
                 let share = along[i] / row[i];
-                out[n.fix][n.place] += n.factor * share;
+                numbers.iter().for_each(|n| out[n.fix][n.place] += n.factor * share);
                 along.iter_mut().zip(&row[..i]).for_each(|(a, c)| *a -= c * share);
             }
         }
@@ -213,7 +210,7 @@ impl Prescribed {
         let all: Vec<bool> = self.fixes.iter().map(moves).collect();
         let moves = |number: &Number| all[number.fix];
         // along a direction that is no axis all numbers of a node count
-        let tilted = self.tilted.iter().filter(|t| t.numbers.iter().any(moves));
+        let tilted = self.tilted.iter().filter(|t| t.numbers.iter().flatten().any(moves));
         let tilted = tilted.flat_map(|t| (0..t.numbers.len()).map(|k| t.frame.first + k));
         self.plain.iter().filter(|(_, number)| moves(number)).map(|(dof, _)| *dof).chain(tilted).collect()
     }
@@ -229,7 +226,7 @@ impl Prescribed {
         let tilted = || {
             let node =
                 self.tilted.iter().find(|t| (t.frame.first..t.frame.first + t.frame.axes.len()).contains(&dof))?;
-            node.numbers.first().map(|n| n.fix)
+            node.numbers.first()?.first().map(|n| n.fix)
         };
         plain.or_else(tilted).map(|fix| self.fixes[fix].statement)
     }
@@ -282,65 +279,6 @@ impl Condition {
     }
 }
 
-/// The frame of a node and the numbers along its first axes. Of conditions that depend on each other the later wins, as
-/// it does among components; the others are listed.
-fn tilted(conditions: &[Condition]) -> (Tilted, Vec<Overruled>) {
-    let mut overruled = Vec::new();
-    let n = conditions[0].n_components;
-    let (mut axes, mut numbers, mut triangle): (Vec<Vec<f64>>, Vec<Number>, Vec<Vec<f64>>) = Default::default();
-    for condition in conditions.iter().rev() {
-        let mut wanted = vec![0.0; n];
-        match condition.along {
-            Along::Component(k) => wanted[k] = 1.0,
-            Along::Direction(d) => wanted.copy_from_slice(&d[..n]),
-        }
-        if let Some((mut row, axis)) = apart(&axes, &wanted, INDEPENDENT) {
-            row.push(dot(&axis, &wanted));
-            triangle.push(row);
-            axes.push(axis);
-            numbers.push(condition.number);
-        } else {
-            // the axis that says most of this direction
-            let most =
-                (0..axes.len()).max_by(|a, b| dot(&axes[*a], &wanted).abs().total_cmp(&dot(&axes[*b], &wanted).abs()));
-            overruled.push(condition.overruled(most.map_or(condition.number.fix, |k| numbers[k].fix)));
-        }
-    }
-    // the frame is completed with what is left of the axes of the scene, the most independent ones
-    let unit = |k: usize| (0..n).map(|i| f64::from(u8::from(i == k))).collect::<Vec<f64>>();
-    let enough = 0.5 / (n as f64).sqrt();
-    for k in 0..n {
-        if axes.len() < n
-            && let Some((_, axis)) = apart(&axes, &unit(k), enough)
-        {
-            axes.push(axis);
-        }
-    }
-    (Tilted { frame: Frame { first: conditions[0].first, axes }, numbers, triangle }, overruled)
-}
-
-/// What of a unit vector is left beside orthonormal axes, normalised, with its parts along them; `None` below `least`.
-fn apart(axes: &[Vec<f64>], wanted: &[f64], least: f64) -> Option<(Vec<f64>, Vec<f64>)> {
-    let mut left = wanted.to_vec();
-    let mut parts = vec![0.0; axes.len()];
-    // twice, so that the result is orthogonal to rounding
-    for _ in 0..2 {
-        for (axis, part) in axes.iter().zip(&mut parts) {
-            let along = dot(axis, &left);
-            *part += along;
-            left.iter_mut().zip(axis).for_each(|(x, a)| *x -= along * a);
-        }
-    }
-    let size = dot(&left, &left).sqrt();
-    (size >= least).then(|| (parts, left.iter().map(|x| x / size).collect()))
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
-/// Sine of the smallest angle at which a direction is new.
-const INDEPENDENT: f64 = 1e-6;
 /// A facet normal counts as along an axis within this.
 const ALIGNED: f64 = 1e-9;
 

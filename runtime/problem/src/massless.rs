@@ -59,6 +59,15 @@ fn unmovable(scene: &Scene, script: &ResolvedScript, region: &Ident, why: Unmova
             let d = d.at(span, "").at(region.span, "its nodes are to have no mass");
             d.help("without `massless`, or with the mass on other faces")
         }
+        Unmovable::Turning { term } => {
+            let span = scene.terms.get(term).map_or(region.span, |t| t.span);
+            let d = Diagnostic::new(Code::E452, "this force of the velocity is not symmetric");
+            let text = "nodes without mass have rates of another kind than the others: the forces between the two would do work";
+            let d = d.at(span, text).at(region.span, "its nodes are to have no mass");
+            d.help(
+                "`scheme bdf2` with `massless`, or no `massless`, or the term on regions that do not touch these nodes",
+            )
+        }
         Unmovable::Thin { field, position } => {
             let at = wfl_discrete::finite::position(position);
             let d = Diagnostic::new(Code::E452, format!("the mass of `{field}` at {at} has nowhere to go"));

@@ -8,7 +8,7 @@
 use wfl_checks::{Solved, uncertainty_of_unknowns};
 use wfl_discrete::{
     rates::Rates,
-    system::{FIXED, Form},
+    system::{Branches, FIXED, Form},
     window::Window,
 };
 use wfl_newton::{Spent, StepHistory};
@@ -140,7 +140,8 @@ impl Adaptive {
         }
         let solution = joined(&end, stepper.next_states.iter().map(Vec::as_slice));
         let mut errors = self.errors(scene, rules, increment, &solution, &[]);
-        if errors.is_some_and(|e| e.largest() > 1.0) {
+        let found = errors.map_or(0.0, |e| e.largest());
+        if self.uncertainty.is_asked(found) {
             // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
             let solved = !history.solves.is_empty();
             let left = self.left.iter().fold(0.0f64, |most, left| most.max(*left));
@@ -148,7 +149,9 @@ impl Adaptive {
             // a field that is zero but for rounding has no error to be made smaller
             let own = own.map(|own| with_states(own, stepper, scene, u)).unwrap_or_default();
             errors = self.errors(scene, rules, increment, &solution, &own);
+            self.uncertainty.explains = errors.is_some_and(|e| e.largest() < found);
         }
+        let held = errors.map_or(0.0, |e| e.largest());
         let least = Control::is_least(rules, scene.system.step().start(), increment);
         let matrix = if scene.system.bulk_follows_steps() { Matrix::Kept } else { Matrix::New };
         // an error that is no number is too large
@@ -160,6 +163,7 @@ impl Adaptive {
             }
             _ => {
                 self.control.accept(increment, errors, matrix);
+                self.uncertainty.taken(held);
                 self.leave(scene, &history);
                 Tried::Accepted(history, too_large.map(|e| e.largest()))
             }
@@ -177,7 +181,10 @@ const MOVES: [f64; 3] = [1.0, -0.61, 1.37];
 fn rounding(stepper: &mut Stepper, scene: &Solving<'_>, u: &[f64], left: f64) -> Option<Vec<f64>> {
     let system = &scene.system;
     let residual = system.residual(u, &Form { linear: stepper.linear, ..Form::AS_WRITTEN }).ok()?;
-    let (solver, tangent) = (stepper.solver.as_mut()?, stepper.tangent.as_ref()?);
+    let (solver, tangent) = (stepper.solver.as_mut()?, stepper.tangent.as_mut()?);
+    // that at hand is of the iterate before, where a point may have stuck that slides now
+    system.tangent(u, Branches::AsWritten, tangent).ok()?;
+    solver.update(system, tangent, true).ok()?;
     let state = Solved { system, contact: scene.contact, tangent, u, residual: &residual };
     uncertainty_of_unknowns(state, solver, left)
 }

@@ -7,6 +7,7 @@
 //! the checkpoint says how long it is: the cost of a step does not grow with their number, and what a killed run wrote
 //! behind that length is cut off. Does not keep the states of earlier steps: their results are in their files.
 
+mod found;
 mod steps;
 
 use std::{
@@ -26,8 +27,12 @@ use wfl_problem::Solving;
 use wfl_sparse::solve::{Reference, SolverMemory};
 
 use super::{
-    Clock, Run, RunError, RunState, StepResult, balance::Balance, control::Control, memory::Memory, past::Past,
-    remembered::Adaptive,
+    Clock, Run, RunError, RunState, StepResult,
+    balance::Balance,
+    control::Control,
+    memory::Memory,
+    past::Past,
+    remembered::{Adaptive, Uncertainty},
 };
 use steps::{read_step, step};
 
@@ -425,6 +430,8 @@ fn adaptive(w: &mut Writer, a: Option<&Adaptive>) {
     w.flag(failed);
     w.numbers(&a.scales);
     w.numbers(&a.left);
+    w.count(a.uncertainty.held);
+    w.flag(a.uncertainty.explains);
     w.numbers(&a.past.increments);
     w.count(a.past.solutions.len());
     a.past.solutions.iter().for_each(|s| w.numbers(s));
@@ -437,8 +444,9 @@ fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
     let [next, allowed, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let control = Control { next, order: r.small()?, last: [allowed, increment], failed: r.flag()? };
     let (scales, left) = (r.numbers()?, r.numbers()?);
+    let uncertainty = Uncertainty { held: r.count()?, explains: r.flag()? };
     let past = Past { increments: r.numbers()?, solutions: r.list(Reader::numbers)? };
-    Ok(Some(Adaptive { control, past, scales, left }))
+    Ok(Some(Adaptive { control, past, scales, left, uncertainty }))
 }
 
 fn balance(w: &mut Writer, b: Option<&Balance>) {

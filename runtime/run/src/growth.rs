@@ -11,11 +11,10 @@ use wfl_compiler::{
     Class,
     types::{FieldKind, InputSlot},
 };
-use wfl_discrete::{
-    finite::largest,
-    system::{FIXED, System},
-};
-use wfl_problem::Solving;
+use wfl_discrete::{field::FieldSpace, finite::largest, system::System};
+use wfl_problem::{Scene, Solving};
+
+use super::StepResult;
 
 /// Growth in the second half of the time, in parts of that of what is given, that no power of time below the tenth has.
 const LINEAR: f64 = 1e3;
@@ -24,35 +23,32 @@ const NONLINEAR: f64 = 1e6;
 /// The fewest steps in which growth can be told from a beginning.
 const FEWEST: usize = 4;
 
-/// The sizes of fields at the ends of steps.
+/// What growth is looked for with.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Growth {
-    steps: Vec<Sizes>,
     /// What loads that do not follow the steps give.
     steady: Option<f64>,
 }
 
-#[derive(Clone, Debug)]
-struct Sizes {
-    time: f64,
-    /// By unknown with terms on cells its largest value.
-    fields: Vec<f64>,
+/// The sizes of fields at the end of a step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Sizes {
+    /// By unknown that is watched its largest value.
+    pub(crate) fields: Vec<f64>,
     /// The largest load, and the largest prescribed value.
-    given: [f64; 2],
+    pub(crate) given: [f64; 2],
 }
 
 impl Growth {
-    /// Keeps the sizes at the end `u` of a step of a scene with several.
-    pub(super) fn add(&mut self, scene: &Solving<'_>, u: &[f64], time: f64) {
+    /// The sizes at the end `u` of a step of a scene with several.
+    pub(super) fn sizes(&mut self, scene: &Solving<'_>, u: &[f64]) -> Sizes {
         let system = &scene.system;
         let of_field = |k: usize| system.range(k).map_or(0.0, |range| largest(u[range].iter().copied()));
-        let fields = watched(system).into_iter().map(of_field).collect();
-        let fixed = (0..u.len()).filter(|d| system.numbering.free[*d] == FIXED).map(|d| u[d]);
-        let mut given = [self.loads(system), largest(fixed)];
-        let mut sizes: Vec<f64> = fields;
-        system.team().max(&mut sizes);
+        let mut fields: Vec<f64> = watched(system).into_iter().map(of_field).collect();
+        let mut given = [self.loads(system), system.numbering.largest_prescribed(u)];
+        system.team().max(&mut fields);
         system.team().max(&mut given);
-        self.steps.push(Sizes { time, fields: sizes, given });
+        Sizes { fields, given }
     }
 
     /// The largest nodal load: terms without unknowns, at the step of the system.
@@ -72,54 +68,55 @@ impl Growth {
         let some = system.terms.iter().any(|t| t.law.class == Class::Constant && follows(t));
         if some { steady.max(sum(true)) } else { steady }
     }
+}
 
-    /// W647 for fields that grew without end.
-    pub(super) fn told(&self, scene: &Solving<'_>) -> Option<Diagnostic> {
-        let system = &scene.system;
-        let limit = if system.is_linear() { LINEAR } else { NONLINEAR };
-        let (first, last) = (self.steps.first()?, self.steps.last()?);
-        if self.steps.len() < FEWEST {
-            return None;
-        }
-        let at = |part: f64| {
-            let time = first.time + part * (last.time - first.time);
-            let distance = |s: &Sizes| (s.time - time).abs();
-            self.steps.iter().enumerate().min_by(|a, b| distance(a.1).total_cmp(&distance(b.1))).map_or(0, |(k, _)| k)
-        };
-        let (half, three) = (at(0.5), at(0.75));
-        if half == 0 || three <= half || three + 1 >= self.steps.len() {
-            return None;
-        }
-        let most = |to: usize, of: &dyn Fn(&Sizes) -> f64| self.steps[..=to].iter().map(of).fold(0.0, f64::max);
-        let end = self.steps.len() - 1;
-        let given = (0..2).map(|k| grown(most(end, &|s| s.given[k]), most(half, &|s| s.given[k]))).fold(1.0, f64::max);
-        watched(system).into_iter().enumerate().find_map(|(k, field)| {
-            let of = |at: usize| most(at, &|s| s.fields[k]);
-            let (second, third, fourth) = (of(half), grown(of(three), of(half)), grown(of(end), of(three)));
-            let whole = third * fourth;
-            let steady = third.min(fourth) > whole.powf(0.25);
-            let grows = second > 0.0 && whole > limit * given && steady;
-            grows.then(|| {
-                let text = format!(
-                    "its largest value is {:.3e} at t = {}, {:.3e} at t = {}, {:.3e} at t = {}, while loads and prescribed \
-                     values grow by a factor {given:.1e} at most",
-                    second,
-                    self.steps[half].time,
-                    of(three),
-                    self.steps[three].time,
-                    of(end),
-                    last.time
-                );
-                let name = &system.fields[field].name;
-                Diagnostic::new(Code::W647, format!("`{name}` grows without end"))
-                    .at_or_note(scene.place_of_field(name), text)
-                    .note(
-                        "that is how a wrong sign grows: of a rate, of one of two couplings, or of a term that should \
-                         dissipate",
-                    )
-            })
-        })
+/// W647 for fields that grew without end.
+pub(super) fn told(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
+    let steps: Vec<(f64, &Sizes)> = steps.iter().filter_map(|s| Some((s.window.end, s.seen.sizes.as_ref()?))).collect();
+    let system = &scene.system;
+    let limit = if system.is_linear() { LINEAR } else { NONLINEAR };
+    let (first, last) = (steps.first()?, steps.last()?);
+    if steps.len() < FEWEST {
+        return None;
     }
+    let at = |part: f64| {
+        let time = first.0 + part * (last.0 - first.0);
+        let distance = |s: &(f64, &Sizes)| (s.0 - time).abs();
+        steps.iter().enumerate().min_by(|a, b| distance(a.1).total_cmp(&distance(b.1))).map_or(0, |(k, _)| k)
+    };
+    let (half, three) = (at(0.5), at(0.75));
+    if half == 0 || three <= half || three + 1 >= steps.len() {
+        return None;
+    }
+    let most = |to: usize, of: &dyn Fn(&Sizes) -> f64| steps[..=to].iter().map(|s| of(s.1)).fold(0.0, f64::max);
+    let end = steps.len() - 1;
+    let given = (0..2).map(|k| grown(most(end, &|s| s.given[k]), most(half, &|s| s.given[k]))).fold(1.0, f64::max);
+    watched(system).into_iter().enumerate().find_map(|(k, field)| {
+        let of = |at: usize| most(at, &|s| s.fields[k]);
+        let (second, third, fourth) = (of(half), grown(of(three), of(half)), grown(of(end), of(three)));
+        let whole = third * fourth;
+        let steady = third.min(fourth) > whole.powf(0.25);
+        let grows = second > 0.0 && whole > limit * given && steady;
+        grows.then(|| {
+            let text = format!(
+                "its largest value is {:.3e} at t = {}, {:.3e} at t = {}, {:.3e} at t = {}, while loads and prescribed \
+                 values grow by a factor {given:.1e} at most",
+                second,
+                steps[half].0,
+                of(three),
+                steps[three].0,
+                of(end),
+                last.0
+            );
+            let name = &system.fields[field].name;
+            Diagnostic::new(Code::W647, format!("`{name}` grows without end"))
+                .at_or_note(scene.place_of_field(name), text)
+                .note(
+                    "that is how a wrong sign grows: of a rate, of one of two couplings, or of a term that should \
+                     dissipate",
+                )
+        })
+    })
 }
 
 /// A growth; of what was nothing, one without bound.
@@ -127,10 +124,11 @@ fn grown(to: f64, from: f64) -> f64 {
     if to <= from { 1.0 } else { to / from }
 }
 
-/// The unknowns with terms on cells that resist their gradients.
+/// The unknowns with terms on cells, and those with one value for the whole scene.
 fn watched(system: &System) -> Vec<usize> {
     let on_cells = |k: &usize| {
-        let mut terms = system.terms.iter().filter(|t| t.on_cells() && t.law.class > Class::Constant);
+        let is_global = matches!(system.fields[*k].space, FieldSpace::Global);
+        let mut terms = system.terms.iter().filter(|t| (t.on_cells() || is_global) && t.law.class > Class::Constant);
         terms.any(|t| t.law.tests.iter().any(|s| s.field.index() == *k))
     };
     let unknown = |k: &usize| system.fields[*k].kind == FieldKind::Unknown && system.range(*k).is_some();

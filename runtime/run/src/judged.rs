@@ -8,6 +8,7 @@ use wfl_contact::slid_past_faces;
 use wfl_discrete::{
     assemble::BranchCounts,
     field::Field,
+    rates::Scheme,
     system::{Form, Residual},
 };
 use wfl_newton::{NewtonError, StepHistory, Stop};
@@ -16,6 +17,7 @@ use wfl_problem::{Scene, Solving};
 use super::{
     Run, StepResult, findings,
     stepping::{Reached, StepError},
+    watched::Seen,
 };
 
 /// What is known of a converged state: the fields of [`StepResult`].
@@ -72,9 +74,12 @@ impl Run {
         let solved = self.judges && history.converged() && history.stop != Some(Stop::Given);
         let begin = Instant::now();
         let judged = if solved { self.judge(scene, &history)? } else { Judged::default() };
-        if solved {
-            self.watched.look(scene, &self.u, window.end);
-        }
+        let is_explicit = scene.system.rates().is_some_and(|rates| rates.scheme() == Scheme::Explicit);
+        let seen = match solved {
+            true => self.watched.look(scene, &self.u),
+            false if self.judges && is_explicit => self.watched.look_at_sizes(scene, &self.u),
+            false => Seen::default(),
+        };
         let Judged { accuracy, hidden, checks, turned, narrow, zigzags, others, unstable, residual } = judged;
         let branches = if solved { residual.branches } else { branches.unwrap_or_else(|| self.branches(scene)) };
         let slid = if solved { slid_past_faces(scene.system, scene.contact, &self.u) } else { Vec::new() };
@@ -92,6 +97,7 @@ impl Run {
             zigzags,
             others,
             unstable,
+            seen,
             branches,
             ..StepResult::default()
         })

@@ -78,7 +78,7 @@ pub use state::State as RunState;
 use stepping::{Making, Reached, StepError, Stepper};
 use thiserror::Error;
 pub use trajectory::{Passed, PassedStep, Trajectory};
-use watched::Watched;
+use watched::{Seen, Watched};
 use wfl_checks::{Accuracy, NarrowZone, Others, PhysicsCheck, TurnedCells, Unstable, Zigzag};
 use wfl_contact::{Creep, FrictionWork, SlidPast};
 use wfl_discrete::{
@@ -112,9 +112,9 @@ pub struct StepResult {
     pub checks: Vec<PhysicsCheck>,
     /// Cells of bodies of finite strain that turned inside out, by term.
     pub turned: Vec<TurnedCells>,
-    /// Zones of contact that cover no face; empty for a step that another process did.
+    /// Zones of contact that cover no face.
     pub narrow: Vec<NarrowZone>,
-    /// Pressures that alternate from point to point; empty for a step that another process did.
+    /// Pressures that alternate from point to point.
     pub zigzags: Vec<Zigzag>,
     /// Energy that friction took from the motion in this step (force times length), negative where it gave some back;
     /// `None` without friction.
@@ -127,6 +127,8 @@ pub struct StepResult {
     pub others: Others,
     /// Directions in which the state is not stable; of the first step that has some.
     pub unstable: Option<Unstable>,
+    /// What was seen of strains, pressures, rates, images and sizes.
+    pub(crate) seen: Seen,
     /// What the scene says that the next increment is at most; infinite where it says nothing. Positive numbers count.
     pub limit: f64,
     /// By event of the scene its larger side and its smaller one.

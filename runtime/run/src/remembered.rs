@@ -15,6 +15,36 @@ use super::{
 /// A difference of a solution from an extrapolation of others is up to so many times the rounding of each.
 const ROUNDED: f64 = 16.0;
 
+/// An error, in units of the demanded one, that holds the next increment below twice this one: 0.9/sqrt(0.2) is 2.
+const HOLDS: f64 = 0.2;
+/// After so many steps in a row whose errors hold the increments it is asked whether these are errors: that takes about as long as a
+/// linear solve, which one step in so many does not feel.
+const PATIENCE: usize = 16;
+
+/// When it is asked how much of the errors is no error of the steps, but what rounding and the tolerance of Newton's method leave.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Uncertainty {
+    /// Steps in a row whose errors held the next increment.
+    pub(super) held: usize,
+    /// The last time it was, at least in part.
+    pub(super) explains: bool,
+}
+
+impl Uncertainty {
+    /// Of a step with this error, in units of the demanded one.
+    pub(super) fn is_asked(self, error: f64) -> bool {
+        error > 1.0 || error > HOLDS && (self.explains || self.held >= PATIENCE)
+    }
+
+    /// A step with this error was taken.
+    pub(super) fn taken(&mut self, error: f64) {
+        self.held = match error > HOLDS && self.held < PATIENCE {
+            true => self.held + 1,
+            false => 0,
+        };
+    }
+}
+
 /// What steps that the run chooses remember.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Adaptive {
@@ -25,6 +55,7 @@ pub(super) struct Adaptive {
     pub(super) scales: Vec<f64>,
     /// The relative residuals that Newton's method has left of the solutions in `past`, in their order.
     pub(super) left: Vec<f64>,
+    pub(super) uncertainty: Uncertainty,
 }
 
 impl Adaptive {
@@ -34,6 +65,7 @@ impl Adaptive {
             past: Past::default(),
             scales: vec![0.0; rules.fields.len()],
             left: Vec::new(),
+            uncertainty: Uncertainty::default(),
         }
     }
 
@@ -43,6 +75,7 @@ impl Adaptive {
         self.control.turn(rules);
         self.past = Past::default();
         self.left.clear();
+        self.uncertainty = Uncertainty::default();
     }
 
     /// Takes a solution at the end of an increment.

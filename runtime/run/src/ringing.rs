@@ -24,8 +24,6 @@ const SEEN: f64 = 1e-4;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Ringing {
     fields: Vec<OfField>,
-    /// The field and the time of the first step.
-    found: Vec<(usize, f64)>,
 }
 
 #[derive(Clone, Debug)]
@@ -36,13 +34,14 @@ struct OfField {
 }
 
 impl Ringing {
-    /// Looks at the end `u` of a step.
-    pub(super) fn look(&mut self, system: &System, u: &[f64], time: f64) {
-        let Some(rates) = system.rates().filter(|rates| rates.scheme().keeps_errors_of_given()) else { return };
-        let Some(past) = system.past() else { return };
+    /// The fields whose rates have changed their sign in so many steps at the end `u` of this one.
+    pub(super) fn look(&mut self, system: &System, u: &[f64]) -> Vec<usize> {
+        let mut found = Vec::new();
+        let Some(rates) = system.rates().filter(|rates| rates.scheme().keeps_errors_of_given()) else { return found };
+        let Some(past) = system.past() else { return found };
         let is_first = |form: RateForm| form == RateForm::First;
         if !rates.fields().iter().any(|of| is_first(of.form)) {
-            return;
+            return found;
         }
         let increment = system.step().increment;
         let [first, _] = rates.ended(u, &past.unknowns);
@@ -63,24 +62,22 @@ impl Ringing {
             let alternates = along < -KEPT * old && increment * increment * old > SEEN * SEEN * value;
             before.in_a_row = if alternates { before.in_a_row + 1 } else { 0 };
             before.rate.copy_from_slice(now);
-            if before.in_a_row == STEPS && self.found.iter().all(|(field, _)| *field != of.field) {
-                self.found.push((of.field, time));
+            if before.in_a_row == STEPS {
+                found.push(of.field);
             }
         }
+        found
     }
+}
 
-    /// W652 for the fields that were found.
-    pub(super) fn told(&self, scene: &Scene) -> Vec<Diagnostic> {
-        let told = |(field, time): &(usize, f64)| {
-            let name = &scene.system.fields[*field].name;
-            let text = format!("at t = {time} the rate of `{name}` has changed its sign in {STEPS} steps in a row");
-            Diagnostic::new(Code::W652, text)
-                .note(
-                    "this scheme keeps what decays within a step for ever, with changing sign: values oscillate around the \
-                     solution, and flows are those of the oscillation",
-                )
-                .help("scheme bdf2 or backward_euler; or steps that begin much smaller")
-        };
-        self.found.iter().map(told).collect()
-    }
+/// W652 for a field.
+pub(super) fn told(scene: &Scene, field: usize, time: f64) -> Diagnostic {
+    let name = &scene.system.fields[field].name;
+    let text = format!("at t = {time} the rate of `{name}` has changed its sign in {STEPS} steps in a row");
+    Diagnostic::new(Code::W652, text)
+        .note(
+            "this scheme keeps what decays within a step for ever, with changing sign: values oscillate around the solution, and \
+             flows are those of the oscillation",
+        )
+        .help("scheme bdf2 or backward_euler; or steps that begin much smaller")
 }

@@ -187,8 +187,7 @@ impl Stepper {
         let begin = Instant::now();
         let mut watch = Forward { progress };
         let carries = scene.system.rates().is_some_and(Rates::carries_rounding);
-        let newton = scene.newton;
-        let solves_once = scene.steps.auto.is_some() && target.load.is_none();
+        let (newton, solves_once) = (scene.newton, scene.steps.auto.is_some() && target.load.is_none());
         let mut step = LoadStep {
             system: scene.system,
             contact: scene.contact,

@@ -1,8 +1,9 @@
 //! What is seen over the steps of a run and told at its end: strains beyond the law, contact that never closes, pressures that
 //! alternate, rates that do so in time, unknowns that grow without end, bending that the elements lock.
 //!
-//! Each is told once. Promises: changes nothing of a run; where some steps were those of another process, what needs all of
-//! them is not told.
+//! Each is told once, of the first step that shows it; what a step has shown stands in its result, also that of a step that another
+//! process did. Promises: changes nothing of a run; that contact never closed, or never found an image, is told where all steps
+//! were looked at.
 
 use wfl::{Code, Diagnostic};
 use wfl_checks::{Alternating, DistantContact, LargeStrain, PorePressure, SmallStrainBody};
@@ -11,7 +12,12 @@ use wfl_contact::{Images, images};
 use wfl_discrete::finite::position;
 use wfl_problem::{Scene, Solving};
 
-use super::{ended::Ended, growth::Growth, ringing::Ringing};
+use super::{
+    StepResult,
+    ended::Ended,
+    growth::{self, Growth, Sizes},
+    ringing::{self, Ringing},
+};
 
 /// What was seen so far.
 #[derive(Clone, Debug, Default)]
@@ -20,13 +26,49 @@ pub(super) struct Watched {
     n: usize,
     /// What there is to look at; `None` before the first step.
     kept: Option<Kept>,
-    /// By body the first step beyond its law.
-    strained: Vec<(f64, LargeStrain)>,
-    /// By pressure the first step at which it alternated.
-    alternating: Vec<(f64, Alternating)>,
     growth: Growth,
     ringing: Ringing,
     images: WatchedImages,
+}
+
+/// What was seen in a step; a later step need not show again what an earlier one has shown.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Seen {
+    /// Bodies beyond their law.
+    pub(crate) strained: Vec<LargeStrain>,
+    /// Pressures that alternate.
+    pub(crate) alternating: Vec<Alternating>,
+    /// Fields whose rates change their sign in every step.
+    pub(crate) ringing: Vec<usize>,
+    /// Terms of which points lost their images under pressure.
+    pub(crate) lost: Vec<PointsOf>,
+    /// Terms of which points were inside the other body without an image.
+    pub(crate) inside: Vec<PointsOf>,
+    /// How large the fields were, of a scene with several steps.
+    pub(crate) sizes: Option<Sizes>,
+}
+
+/// So many points of a term.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PointsOf {
+    pub(crate) term: usize,
+    pub(crate) points: usize,
+    pub(crate) of: usize,
+}
+
+/// Of the steps so far the first one that shows each.
+fn first<'s, T: 's, K: PartialEq>(
+    steps: &'s [StepResult],
+    shown: impl Fn(&'s Seen) -> &'s [T],
+    key: impl Fn(&'s T) -> K,
+) -> Vec<(f64, &'s T)> {
+    let mut found: Vec<(f64, &T)> = Vec::new();
+    for (time, one) in steps.iter().flat_map(|s| shown(&s.seen).iter().map(|one| (s.window.end, one))) {
+        if found.iter().all(|(_, before)| key(before) != key(one)) {
+            found.push((time, one));
+        }
+    }
+    found
 }
 
 /// Images that follow the bodies.
@@ -34,27 +76,23 @@ pub(super) struct Watched {
 struct WatchedImages {
     /// Of the last state that was looked at.
     last: Vec<Images>,
-    /// By term: the first step at which points lost theirs under pressure, and how many of how many.
-    lost: Vec<(f64, usize, [usize; 2])>,
-    /// By term: the first step at which points were inside the other body without an image, and how many of how many.
-    inside: Vec<(f64, usize, [usize; 2])>,
     /// Terms that had an image at some step.
     found: Vec<usize>,
 }
 
 impl WatchedImages {
-    fn look(&mut self, scene: &Solving<'_>, u: &[f64], time: f64) {
+    fn look(&mut self, scene: &Solving<'_>, u: &[f64], seen: &mut Seen) {
         let now = images(scene.system, scene.contact, u);
         for (now, before) in now.iter().zip(&self.last) {
-            let lost = now.lost(before);
-            if lost > 0 && self.lost.iter().all(|(_, term, _)| *term != now.term) {
-                self.lost.push((time, now.term, [lost, now.found.len()]));
+            let points = now.lost(before);
+            if points > 0 {
+                seen.lost.push(PointsOf { term: now.term, points, of: now.found.len() });
             }
         }
         for now in &now {
-            let inside = now.inside.iter().filter(|inside| **inside).count();
-            if inside > 0 && self.inside.iter().all(|(_, term, _)| *term != now.term) {
-                self.inside.push((time, now.term, [inside, now.inside.len()]));
+            let points = now.inside.iter().filter(|inside| **inside).count();
+            if points > 0 {
+                seen.inside.push(PointsOf { term: now.term, points, of: now.inside.len() });
             }
         }
         let have = now.iter().filter(|images| images.found.contains(&true)).map(|images| images.term);
@@ -71,10 +109,12 @@ impl WatchedImages {
             let points = scene.system.terms[term].integrator.domain.moving.as_ref();
             points.is_none_or(|points| points.by() == ImageBy::Ray)
         };
-        let lost = self.lost.iter().map(|(time, term, [lost, all])| {
-            let name = name(*term);
-            let text = format!("at t = {time} {lost} of {all} points of `{name}` lost their image while they pressed");
-            let why = match has_rays(*term) {
+        let steps = &run.run.steps;
+        let lost = first(steps, |seen| &seen.lost, |lost| lost.term).into_iter().map(|(time, lost)| {
+            let PointsOf { term, points, of } = *lost;
+            let name = name(term);
+            let text = format!("at t = {time} {points} of {of} points of `{name}` lost their image while they pressed");
+            let why = match has_rays(term) {
                 true => "their rays no longer meet the other body, at its edge or beyond `within`",
                 false => "no face that opposes them is within the distance of `within`",
             };
@@ -82,7 +122,7 @@ impl WatchedImages {
                 .at_or_note(scene.place_of_term(name), why)
                 .note("their force is gone from one step to the next")
                 .help("smaller steps, a larger `within`, or faces of the other body that reach further");
-            if has_rays(*term) {
+            if has_rays(term) {
                 d.help("`project` in place of `raytrace` keeps images at edges: the closest point")
             } else {
                 d
@@ -100,9 +140,10 @@ impl WatchedImages {
             Diagnostic::new(Code::W632, format!("no point of `{name}` had an image in any step"))
                 .at_or_note(scene.place_of_term(name), text)
         });
-        let inside = self.inside.iter().map(|(time, term, [inside, all])| {
-            let name = name(*term);
-            let text = format!("at t = {time} {inside} of {all} points of `{name}` are inside the other body without a force");
+        let inside = first(steps, |seen| &seen.inside, |inside| inside.term).into_iter().map(|(time, inside)| {
+            let PointsOf { term, points, of } = *inside;
+            let name = name(term);
+            let text = format!("at t = {time} {points} of {of} points of `{name}` are inside the other body without a force");
             Diagnostic::new(Code::W670, text)
                 .at_or_note(
                     scene.place_of_term(name),
@@ -123,8 +164,9 @@ struct Kept {
 
 impl Watched {
     /// Looks at a state that was solved for.
-    pub(super) fn look(&mut self, scene: &Solving<'_>, u: &[f64], time: f64) {
+    pub(super) fn look(&mut self, scene: &Solving<'_>, u: &[f64]) -> Seen {
         let Solving { system, contact, .. } = scene;
+        let mut seen = Seen::default();
         self.n += 1;
         let kept = self.kept.get_or_insert_with(|| Kept {
             bodies: wfl_checks::small_strain_bodies(system),
@@ -132,21 +174,26 @@ impl Watched {
             distant: wfl_checks::distant_contacts(system, contact),
         });
         kept.distant.retain_mut(|distant| !wfl_checks::has_closed(system, contact, u, distant));
-        let strained = wfl_checks::large_strains(system, u, &kept.bodies);
-        for found in strained {
+        for found in wfl_checks::large_strains(system, u, &kept.bodies) {
             kept.bodies.retain(|body| system.fields[body.field].name != found.field);
-            self.strained.push((time, found));
+            seen.strained.push(found);
         }
-        let alternating = wfl_checks::alternating(system, u, &mut kept.pressures);
-        for found in alternating {
+        for found in wfl_checks::alternating(system, u, &mut kept.pressures) {
             kept.pressures.retain(|p| !p.is_of(system, &found));
-            self.alternating.push((time, found));
+            seen.alternating.push(found);
         }
-        self.images.look(scene, u, time);
+        self.images.look(scene, u, &mut seen);
         if scene.steps.several() {
-            self.growth.add(scene, u, time);
-            self.ringing.look(system, u, time);
+            seen.sizes = Some(self.growth.sizes(scene, u));
+            seen.ringing = self.ringing.look(system, u);
         }
+        seen
+    }
+
+    /// Looks at a state that steps with a mass in place of a tangent have led to: at its sizes, which cost as little as they do.
+    pub(super) fn look_at_sizes(&mut self, scene: &Solving<'_>, u: &[f64]) -> Seen {
+        let sizes = scene.steps.several().then(|| self.growth.sizes(scene, u));
+        Seen { sizes, ..Seen::default() }
     }
 
     /// Steps that were looked at.
@@ -159,13 +206,15 @@ impl Watched {
 pub(super) fn large_strains(run: &Ended<'_>) -> Vec<Diagnostic> {
     // where lengths have no unit a linear body may be in any; a velocity is no displacement
     let unit = |s: &LargeStrain| run.scene.declared_field(&s.field).and_then(|field| field.is_length);
-    let sized = |s: &&(f64, LargeStrain)| unit(&s.1).unwrap_or(s.1.has_memory);
-    run.run.watched.strained.iter().filter(sized).map(|(time, s)| strained(run.scene, *time, s)).collect()
+    let found = first(&run.run.steps, |seen| &seen.strained, |s| &s.field).into_iter();
+    let sized = found.filter(|(_, s)| unit(s).unwrap_or(s.has_memory));
+    sized.map(|(time, s)| strained(run.scene, time, s)).collect()
 }
 
 /// W652 for rates that change their sign in every step.
 pub(super) fn ringing(run: &Ended<'_>) -> Vec<Diagnostic> {
-    run.run.watched.ringing.told(run.scene)
+    let found = first(&run.run.steps, |seen| &seen.ringing, |field| *field).into_iter();
+    found.map(|(time, field)| ringing::told(run.scene, *field, time)).collect()
 }
 
 /// W646 for contact that never closes.
@@ -176,8 +225,7 @@ pub(super) fn distant_contacts(run: &Ended<'_>) -> Vec<Diagnostic> {
 
 /// W647 for unknowns that grow without end.
 pub(super) fn growth(run: &Ended<'_>) -> Vec<Diagnostic> {
-    let growth = &run.run.watched.growth;
-    if run.has_seen_all() { growth.told(run.scene).into_iter().collect() } else { Vec::new() }
+    growth::told(run.scene, &run.run.steps).into_iter().collect()
 }
 
 /// W648 for elements that do not bend, in the last state.
@@ -191,7 +239,8 @@ pub(super) fn locked_bending(run: &Ended<'_>) -> Vec<Diagnostic> {
 
 /// W649 for pressures that alternate from node to node.
 pub(super) fn alternating(run: &Ended<'_>) -> Vec<Diagnostic> {
-    run.run.watched.alternating.iter().map(|(time, found)| alternates(run.scene, *time, found)).collect()
+    let found = first(&run.run.steps, |seen| &seen.alternating, |a| (&a.field, &a.displacement)).into_iter();
+    found.map(|(time, found)| alternates(run.scene, time, found)).collect()
 }
 
 /// W632 and W670 for images that were lost, or never found.

@@ -303,7 +303,8 @@ fn quality(outcome: &Outcome) -> String {
     let mut text = String::new();
     if let (Some(a), Some(i)) = (&step.accuracy, step.history.iterations.last()) {
         let stop = step.history.stop.map_or("", |s| s.word());
-        let hidden = if step.hidden > 0.0 { format!(", {:.0e} of the forces hidden", step.hidden) } else { String::new() };
+        let hidden =
+            if step.hidden > 0.0 { format!(", {:.0e} of the forces hidden", step.hidden) } else { String::new() };
         text += &format!(
             "  at t = {}: residual {:.1e} ({stop}; rounding floor {:.1e}), about {:.0} correct digits{hidden}\n",
             step.window.end,

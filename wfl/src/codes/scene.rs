@@ -336,7 +336,8 @@ pages! {
         "newmark has beta (more than 0, at most 1) and gamma (1/2 to 1; of second order with 1/2), hht has alpha (-1/3 to \
          0), generalised_alpha has rho_inf (0 to 1), explicit has fraction (above 0, at most 0.95), bdf3, bdf2 and \
          backward_euler have none. All take `energy` where a term has `Dot2_`, and all but explicit `massless=REGION`: two layers of other \
-         nodes have to stand behind those of the region, and inertia has to be a linear term on cells that stays the same.",
+         nodes have to stand behind those of the region, inertia has to be a linear term on cells that stays the same, and with newmark \
+         and the alpha methods forces of the velocity that are not symmetric, such as that of Coriolis, may not act there.",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=0.1",
         "steps t = 0 to 1 by 0.1\nterm inertia on all : Dot2_u.Test_u\nscheme hht alpha=-0.1",
     ),

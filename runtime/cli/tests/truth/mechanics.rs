@@ -275,6 +275,59 @@ fn growth_that_nothing_drives_is_told() {
     }
 }
 
+/// A body that is fed by its own velocity, however the scene is turned, tied or stepped.
+#[test]
+fn growth_is_told_in_frames_with_followers_of_globals_and_in_explicit_steps() {
+    let fed = |more: &str| {
+        format!(
+            "wfl 1\nparam a = 0\nparam c = cos(a)\nparam s = sin(a)\nmesh box [0,0] to [1,0.5] cells [4,2] quad map [c*x - s*y,s*x + c*y]\n\
+             region left = faces where abs(c*x + s*y) < 1e-9\nregion bottom = faces where abs(-s*x + c*y) < 1e-9\n\
+             unknown u : vector\nterm inertia on all : Dot2_u.Test_u\nterm stress on all : 100*Sym(Grad_u):Grad_Test_u\n\
+             term fed on all : -20*Dot_u.Test_u\nload u = [c,s] on all\nfix u = [0,0] on left\nsteps t = 0 to 2 by 0.01\n{more}\n"
+        )
+    };
+    let held = "fix u.Normal = 0 on bottom";
+    let tied =
+        "multiplier l : scalar on bottom with crosspoints=follow\nterm tie on bottom : l*Test_u(2) + u(2)*Test_l";
+    for (name, more, words) in [
+        ("held", held, &["a=0"][..]),
+        ("turned", held, &["a=0.7"]),
+        ("tied", tied, &["a=0"]),
+        ("explicit", "scheme explicit", &["a=0"]),
+    ] {
+        let text = if name == "explicit" { fed(more).replace("by 0.01", "by 0.002") } else { fed(more) };
+        let ran = run(&format!("mechanics-fed-{name}"), &text, words);
+        assert!(ran.code == 0 && ran.tells("W647"), "{name}: {}", ran.text);
+    }
+    let global = "wfl 1\nunknown q : scalar global\nterm q on global : (Dot2_q + q - 3*Dot_q - 1)*Test_q\n\
+                  mesh box [0] to [1] cells [1] segment\nsteps t = 0 to 40 by 0.05\n";
+    assert!(run("mechanics-fed-global", global, &[]).tells("W647"));
+}
+
+/// A statement of a whole vector and a later one of the normal component: the later one holds, and along the face the first one
+/// does, whatever the angle.
+#[test]
+fn a_later_normal_component_leaves_the_others() {
+    for (k, angle) in [0.0, 0.7, 1.9, std::f64::consts::FRAC_PI_2].into_iter().enumerate() {
+        let scene = format!(
+            "wfl 1\nparam a = {angle:?}\nparam c = cos(a)\nparam s = sin(a)\nmesh box [0,0] to [1,0.5] cells [2,1] quad map [c*x - s*y,s*x + c*y]\n\
+             region left = faces where abs(c*x + s*y) < 1e-9\nregion right = faces where abs(c*x + s*y - 1) < 1e-9\n\
+             region bottom = faces where abs(-s*x + c*y) < 1e-9\nunknown u : vector\n\
+             term stress on all : 100*Sym(Grad_u):Grad_Test_u\nfix u = [2*c - s,2*s + c]*1e-3 on left\n\
+             fix u.Normal = 0 on bottom\nmeasure q1 = value(u.[c,s]) at [0,0]\nmeasure q2 = value(u.[-s,c]) at [0,0]\n\
+             measure far = mean(u.[c,s]) on right\n"
+        );
+        let ran = run(&format!("mechanics-corner-{k}"), &scene, &[]);
+        assert!(ran.code == 0 && ran.tells("W413"), "{}", ran.text);
+        let (along, across, far) = (ran.last("q1"), ran.last("q2"), ran.last("far"));
+        assert!((along - 2e-3).abs() < 1e-12 && across.abs() < 1e-12, "{angle}: {along} {across}");
+        // of the same scene with `u(2)` in place of the normal component
+        let axis = scene.replace(&format!("a = {angle:?}"), "a = 0").replace("u.Normal = 0", "u(2) = 0");
+        let expected = run(&format!("mechanics-corner-{k}-axis"), &axis, &[]).last("far");
+        assert!((far / expected - 1.0).abs() < 1e-9, "{angle}: {far} {expected}");
+    }
+}
+
 /// A cantilever with its end load; `share` of the sag of a slender beam.
 fn cantilever(cells: &str, element: &str, load: &str) -> Ran {
     let text = format!(

@@ -5,6 +5,7 @@
 use crate::common;
 
 mod accuracy;
+mod adaptive;
 mod alarms;
 mod contact_rule;
 mod friction;
@@ -79,6 +80,11 @@ impl Ran {
     pub(crate) fn friction_work(&self) -> f64 {
         let steps = self.report["steps"].as_array().unwrap_or_else(|| panic!("no steps: {}", self.text));
         steps.iter().filter_map(|step| step["friction_work"].as_f64()).sum()
+    }
+
+    /// How many steps there were.
+    pub(crate) fn steps(&self) -> usize {
+        self.report["steps"].as_array().map_or(0, Vec::len)
     }
 
     /// Points that are open, slip and stick at the end of the last step.

@@ -164,3 +164,25 @@ fn contact_with_friction_that_gives_energy_is_told() {
     let (taken, friction) = (ran.last("energy_contact"), ran.friction_work());
     assert!(taken > 0.999 * friction && taken < 1.05 * friction && ran.last("energy_kinetic") < 0.01, "{}", ran.text);
 }
+
+/// A column whose end a rigid platen presses, tied to it by a multiplier: clamped and guided, with P = pi^2 E I/L^2. The way of the
+/// platen has no stiffness of its own, and is no force for that.
+#[test]
+fn a_platen_that_a_multiplier_ties_is_no_force() {
+    let column = |factor: f64| {
+        let scene = format!(
+            "mesh box [0,0] to [20,1] cells [20,2] quad\nregion l = faces where x == 0\nregion r = faces where x == 20\n\
+             unknown u : vector Q2\nunknown d : scalar global\nmultiplier m : scalar Q2 on r\n\
+             def Eg = Green_Lagrangian(Id(2) + Grad_u)\nenergy b on all : 500*Eg:Eg\nparam P = pi^2*1000/12/400\n\
+             term tie on r : m*(Test_u(1) - Test_d) + (u(1) - d)*Test_m\nterm force on global : {factor:?}*P*t*Test_d\n\
+             fix u = [0,0] on l\nsteps t = 0.5 to 1 by 0.5\nmeasure end = max(d) on global\n"
+        );
+        run(&format!("platen-{factor}"), &scene, &[])
+    };
+    assert!(!column(0.9).tells("W640"));
+    let above = column(1.3);
+    assert!(above.tells("W640") && above.text.contains("in 1 direction"), "{}", above.text);
+    // the critical loads are n^2 times the first
+    let far = column(10.0);
+    assert!(far.tells("W640") && far.text.contains("in 2 directions"), "{}", far.text);
+}

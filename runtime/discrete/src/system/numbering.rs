@@ -1,6 +1,7 @@
 //! The numbers of the unknowns: by dof, and by free dof where some are prescribed.
 
 use crate::field::Field;
+use crate::finite::largest;
 use crate::frames::{Frame, Frames};
 
 /// Marks a dof that is not solved for.
@@ -24,6 +25,9 @@ pub struct Numbering {
     /// Dofs that follow others.
     ties: Vec<Tie>,
 }
+
+/// Roundings in a sum of three products, and in what was turned before.
+const ROUNDED: f64 = 16.0;
 
 /// A dof, of the scene or of the frame of its node, that has the value of another one: its equation is added to that of
 /// the leader.
@@ -112,6 +116,21 @@ impl Numbering {
         for tie in &self.ties {
             sizes[tie.leader] += sizes[tie.follower];
         }
+    }
+
+    /// The largest value of `u` that is prescribed: along the axes of frames, and of no follower, whose value is that of another dof.
+    #[must_use]
+    pub fn largest_prescribed(&self, u: &[f64]) -> f64 {
+        let mut is_given: Vec<bool> = self.free.iter().map(|free| *free == FIXED).collect();
+        self.ties.iter().for_each(|tie| is_given[tie.follower] = false);
+        let value = |dof: usize| {
+            let along = self.frames.along(dof, u);
+            // a component of a sum of products is known to the rounding of the largest of them
+            let node = self.frames.of(dof).map_or(&[][..], |frame| &u[frame.first..][..frame.axes.len()]);
+            if along.abs() <= ROUNDED * f64::EPSILON * largest(node.iter().copied()) { 0.0 } else { along }
+        };
+        let given = is_given.iter().enumerate().filter(|(_, is_given)| **is_given);
+        largest(given.map(|(dof, _)| value(dof)))
     }
 
     /// `u = start + step * correction`, the correction by free number.

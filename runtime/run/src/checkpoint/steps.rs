@@ -7,6 +7,7 @@ use wfl_newton::{Iteration, Method, StepHistory, Stop};
 use wfl_output::bytes::{Reader, Unreadable, Writer};
 use wfl_sparse::solve::SolveReport;
 
+use super::found::{found, read_found};
 use crate::{Attempt, AttemptEnd, Path, StepResult};
 
 pub(super) fn step(w: &mut Writer, s: &StepResult) {
@@ -83,6 +84,7 @@ pub(super) fn step(w: &mut Writer, s: &StepResult) {
         w.text(term);
         w.numbers(&[*faces, *slip, *x, *y, *z, *share]);
     }
+    found(w, s);
     quantities(w, s);
 }
 
@@ -159,6 +161,7 @@ pub(super) fn read_step(r: &mut Reader<'_>) -> Result<StepResult, Unreadable> {
         let [faces, slip, x, y, z, share] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
         Ok(SlidPast { term, faces, slip, position: [x, y, z], share })
     })?;
+    read_found(r, &mut step)?;
     step.events = r.list(|r| r.numbers()?.try_into().map_err(|_| Unreadable))?;
     step.series = r.list(|r| r.list(Reader::numbers))?;
     step.measures = r.list(|r| {
