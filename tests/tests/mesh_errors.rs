@@ -54,6 +54,14 @@ fn cells_without_a_positive_volume_are_named() {
     refused("twice", &twice, &[], &["element 11 lists node 6 twice", LINE]);
 }
 
+/// Both cells have a positive determinant, and lie on one side of their common edge.
+#[test]
+fn a_cell_that_is_folded_over_its_neighbour_is_named() {
+    let over = [("3 2 0 0", "3 0.5 0 0"), ("6 2 1 0", "6 0.5 1 0"), ("2 3 6 5", "2 5 6 3")];
+    let words = ["E410", "element 10 and element 11 lie on the same side of the face that they share", "scene.wfl:2:1"];
+    refused("folded over", &over, &[], &words);
+}
+
 /// X28: a cell whose nodes run clockwise lies where it lies.
 #[test]
 fn a_cell_that_runs_clockwise_is_turned() {

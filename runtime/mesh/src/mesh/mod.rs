@@ -21,6 +21,7 @@ mod region;
 mod second_order;
 mod shapes;
 mod sheet;
+mod sides;
 mod together;
 mod topology;
 mod turn;
