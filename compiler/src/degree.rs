@@ -35,7 +35,9 @@
 //! leave `det J` in a denominator; then, as for the other quotients, the degree on an affine entity is kept, and the
 //! state that must come out exactly is that of constant gradients (constant stress): there the unknowns are constants
 //! and what multiplies them is a polynomial. On faces a gradient is a quotient, the normal times the measure is a
-//! polynomial, and the measure alone is one on plane faces. Second-order cells have the degree of their geometry, which
+//! polynomial, and the measure alone is one on plane faces. On others it is a root: an integral over them without test
+//! functions (a measure) counts it with at least the degree by which `wfl check` tells their area, so that both agree; an
+//! equation keeps that of the normal times the measure, with which constant stress is met. Second-order cells have the degree of their geometry, which
 //! may be 1 or 0 (affine): it is measured, not read off from the kind of the cell.
 
 use crate::{
@@ -63,6 +65,9 @@ pub struct Degree {
 const LARGEST: usize = 12;
 /// What kinks add.
 const KINK: i32 = 2;
+/// What the measure of a face or an edge that is not affine counts at least where nothing is tested: it is the root of a
+/// polynomial, and has the degree by which lengths and areas of regions are told (`facet_measures`).
+const ROOT: i32 = 5;
 
 impl Degree {
     /// The degree the quadrature rule should have.
@@ -240,6 +245,8 @@ fn degree_on(graph: &Graph, root: ExprId, fields: &[FieldSig], entity: EntityGeo
     let (mut rule, mut quotient) = (flat, false);
     if entity.order > 0 {
         let measure = int(entity.measure_degree());
+        let alone = !(on_cells || arity.test || arity.trial);
+        let measure = if alone { measure.max(ROOT) } else { measure };
         // a gradient on a face divides by the determinant of the cell, which its measure does not have
         let cancelled = usize::from(on_cells);
         let mapped = of(View::Mapped);

@@ -55,6 +55,21 @@ fn reductions_may_stand_in_it() {
     assert!(solved.measure(1, "stretch") > 0.1);
 }
 
+/// A quarter of a circle of radius 2 by edges of second order: its length is that of the arcs, whatever stands there.
+#[test]
+fn the_length_of_a_curve_does_not_depend_on_the_terms_there() {
+    let ring = "mesh box [0,0] to [1,1] cells [1,4] quad map [(1 + x)*cos(1.5707963267948966*y), \
+                (1 + x)*sin(1.5707963267948966*y)]\nregion outer = faces where x^2 + y^2 > 3.9\nunknown u : scalar P2\n\
+                term f on all : u*Test_u - Test_u\nmeasure length = integral(1) on outer\n";
+    let length = |more: &str| {
+        let solved = solve(&examples(), format!("{ring}{more}"), &[], &[]).unwrap_or_else(|e| panic!("{e}"));
+        solved.measure(0, "length")
+    };
+    let alone = length("");
+    assert!((alone / std::f64::consts::PI - 1.0).abs() < 1e-4, "{alone}");
+    assert_eq!(alone, length("load u = 1 on outer\n"));
+}
+
 #[test]
 fn events_and_numbers_below_may_read_it() {
     let solved = run("measure k = F/d\nevent large = abs(k)*d + integral(0*u) > 10 on all\nexpect large_count == 1\n");

@@ -54,6 +54,14 @@ fn cells_without_a_positive_volume_are_named() {
     refused("twice", &twice, &[], &["element 11 lists node 6 twice", LINE]);
 }
 
+/// Both cells have a positive determinant, and lie on one side of their common edge.
+#[test]
+fn a_cell_that_is_folded_over_its_neighbour_is_named() {
+    let over = [("3 2 0 0", "3 0.5 0 0"), ("6 2 1 0", "6 0.5 1 0"), ("2 3 6 5", "2 5 6 3")];
+    let words = ["E410", "element 10 and element 11 lie on the same side of the face that they share", "scene.wfl:2:1"];
+    refused("folded over", &over, &[], &words);
+}
+
 /// X28: a cell whose nodes run clockwise lies where it lies.
 #[test]
 fn a_cell_that_runs_clockwise_is_turned() {
@@ -84,6 +92,46 @@ fn two_nodes_of_a_body_at_one_place_are_told_and_not_joined() {
     let gap = solved("torn", &torn, &rolling, &words);
     let whole = solved("whole", &[], &rolling, &[]);
     assert!((gap - whole).abs() > 1e-2 * whole, "{gap} {whole}");
+}
+
+/// The square on the right is two, with a node in the middle of an edge of the one on the left.
+const DIVIDED: [(&str, &str); 5] = [
+    ("$Nodes\n6", "$Nodes\n8"),
+    ("6 2 1 0", "6 2 1 0\n7 1 0.5 0\n8 2 0.5 0"),
+    ("$Elements\n7", "$Elements\n8"),
+    ("2 3 6 5", "2 3 8 7\n12 3 2 6 2 7 8 6 5"),
+    ("4 1 2 3 3 3 6", "4 1 2 3 3 3 8"),
+];
+
+/// The field would jump at the node, unless each side has an unknown of its own.
+#[test]
+fn a_node_that_hangs_on_a_face_is_an_error_where_one_unknown_is_on_both_sides() {
+    let words = ["E409", "node 7 at [1.0, 0.5] lies on a face of element 10, which has no node there, but element 11 and"];
+    refused("hanging", &DIVIDED, &[], &words);
+    let apart = [
+        ("unknown u : vector", "unknown u : vector on left\nunknown v : vector on right"),
+        ("on all : Div_u", "on left : Div_u"),
+        ("fix u", "term b on right : Grad_v:Grad_Test_v\nfix v = [0,0] on east\nfix u"),
+        ("load u = [1,0] on east\n", ""),
+    ];
+    let found = tried("apart", &DIVIDED, &apart);
+    assert!(!found.messages.contains("E409"), "{}", found.messages);
+}
+
+/// Both squares have nodes of their own at the seam: nothing moves on the left, and nothing holds the right one.
+#[test]
+fn squares_that_touch_with_one_unknown_are_told_unless_something_joins_them() {
+    let torn = [
+        ("$Nodes\n6", "$Nodes\n8"),
+        ("6 2 1 0", "6 2 1 0\n7 1 1 0\n8 1 0 0"),
+        ("2 3 6 5", "8 3 6 7"),
+    ];
+    let held = ("load u = [1,0] on east", "fix u = [1,0] on east");
+    let words = ["W405", "1 pair of faces of the mesh lies on each other", "element 10 and element 11 around [1.0, 0.5]"];
+    solved("through", &torn, &[held], &words);
+    let joined = ("load u = [1,0] on east", "fix u = [1,0] on east\nregion fault = interface from left to right\n\
+        term tie on fault : 10*(u - Interpolate(u, neighbor_element)).(Test_u - Interpolate(Test_u, neighbor_element))");
+    solved("joined", &torn, &[joined], &[]);
 }
 
 /// X32: no dofs there, the same solution.

@@ -8,7 +8,8 @@ use wfl_host::{
     reading,
 };
 use wfl_mesh::mesh::{
-    CellShape, GroupEntities, Mesh, RegionSet, Topology, cell_shapes, cell_volumes, element_sizes, facet_measures,
+    CellShape, GroupEntities, Mesh, RegionSet, Topology, cell_shapes, cell_volumes, divided_facets, element_sizes,
+    facet_measures, facets_against,
     read::{DeckNotes, DeckPair, deck_notes, mesh_beside},
 };
 use wfl_problem::region_name;
@@ -45,8 +46,14 @@ fn told(args: &MeshArgs) -> Result<(), String> {
     let topology = Topology::new(&mesh).map_err(|e| format!("error[E410]: cannot use the mesh file {name}: {e}\n"))?;
     let notes = deck_notes(&bytes, &mut beside);
     let lines = scene_lines(&mesh, &notes.pairs);
-    let tables =
-        [mesh_table(&mesh), total(&mesh), regions(&mesh, &topology), quality(&mesh), odd(&mesh), left_out(&notes)];
+    let tables = [
+        mesh_table(&mesh),
+        total(&mesh),
+        regions(&mesh, &topology),
+        quality(&mesh),
+        odd(&mesh, &topology),
+        left_out(&notes),
+    ];
     if args.json {
         let mut all = Map::new();
         all.insert("file".to_owned(), name.to_string().into());
@@ -167,9 +174,22 @@ fn digits(x: f64) -> Value {
 }
 
 /// What is odd but no error.
-fn odd(mesh: &Mesh) -> Table {
+fn odd(mesh: &Mesh, topology: &Topology) -> Table {
     let told = mesh.warnings();
     let mut table = Table::new("odd", &["what", "how many", "the first"]);
+    let pairs = facets_against(mesh, topology);
+    let divided = divided_facets(mesh, &pairs);
+    if let Some(first) = divided.iter().find(|d| d.hanging.is_some()).or(divided.first()) {
+        let cells = first.parts.iter().map(|part| mesh.numbers().cell(part.cell).to_string());
+        let cells =
+            format!("{} against {}", mesh.numbers().cell(first.whole.cell), cells.collect::<Vec<_>>().join(" and "));
+        let what = "faces against parts of others: a field on both sides is refused (E409)";
+        table.push(vec![what.into(), divided.len().into(), cells.into()]);
+    } else if let Some(pair) = pairs.first() {
+        let [here, there] = [pair.large, pair.small].map(|facet| mesh.numbers().cell(facet.cell));
+        let what = "pairs of faces at one place that are not joined: bodies that touch, or a torn mesh (W405)";
+        table.push(vec![what.into(), pairs.len().into(), format!("{here} and {there}").into()]);
+    }
     if let Some((a, b)) = told.duplicate_nodes.first() {
         let first = format!("{} and {}", mesh.numbers().node(*a), mesh.numbers().node(*b));
         let what = "pairs of nodes of one body at one place: it is torn there (W405)";

@@ -31,7 +31,7 @@ use super::{
     Scene, StateUpdate, Steps, TablesOf, VtkOutput, With,
     assemble::Assembled,
     batch::Batch,
-    constants, constraints, corners, coverage,
+    constants, constraints, corners,
     effects::Reads,
     explicit, fields, idle, mappings, massless, measures, meeting, mesh, options, outputs,
     place::{Findings, OnTeam, Place, part_of_mesh, whole},
@@ -201,7 +201,7 @@ impl Builder<'_> {
     fn build(mut self) -> Option<(Scene, Integration)> {
         let begin = Instant::now();
         let (laws, renewed, rules) = self.laws();
-        self.check_whole(|scene| coverage::check(scene.script, &scene.mesh, &laws, scene.diagnostics));
+        self.check_whole(|scene| scene.gaps(&laws));
         let compile_terms = begin.elapsed().as_secs_f64();
 
         let begin = Instant::now();

@@ -37,6 +37,7 @@ mod groups;
 mod held;
 mod idle;
 mod inputs;
+mod joined;
 mod jumps;
 mod left_out;
 mod low_rules;

@@ -10,7 +10,7 @@ use wfl::{
     ast::{Expr, MeasureAt, Place, Reduction},
     at_expr,
 };
-use wfl_compiler::{ValueLaw, compile_value};
+use wfl_compiler::{ValueLaw, compile_value, types::InputSlot};
 use wfl_discrete::{
     assemble::Domain,
     field::Field,
@@ -53,7 +53,8 @@ pub(super) struct From<'a> {
 
 impl Builder<'_> {
     /// The parts of a place with the rule of the terms on each, so that measured forces are those that act and states are
-    /// met; a higher one for the integral of a polynomial that this rule does not integrate exactly.
+    /// met; a higher one for the integral of a polynomial that this rule does not integrate exactly, and of what no field has
+    /// a part in, such as the length of a curve: it does not depend on which terms stand there.
     fn rules_of_measure(
         &self,
         measure: &wfl::Measure,
@@ -64,7 +65,9 @@ impl Builder<'_> {
     ) -> Vec<(Option<RegionSet>, RuleChoice)> {
         let own = law.degree.rule();
         let summed = matches!(measure.reduction, Reduction::Integral | Reduction::Mean);
-        let is_free = summed && law.degree.is_exact() && states_read(&self.fields, &law.inputs).next().is_none();
+        let is_geometry = !law.inputs.iter().any(reads_field);
+        let known = law.degree.is_exact() || is_geometry;
+        let is_free = summed && known && states_read(&self.fields, &law.inputs).next().is_none();
         // on a part of the region of a state its points are those of the state
         let of_state = |state: usize| match &self.script.fields.get(state)?.space.place {
             Place::On(list) => list.iter().find_map(|p| rules.get(&p.name)),
@@ -300,6 +303,11 @@ impl Builder<'_> {
         }
         None
     }
+}
+
+/// Whether an input is a value of a field, of this step or of those before.
+fn reads_field(slot: &InputSlot) -> bool {
+    matches!(slot, InputSlot::Field(_) | InputSlot::Previous(_) | InputSlot::History(..))
 }
 
 impl Measure {

@@ -364,6 +364,10 @@ pub(super) fn position_place(n_fields: usize) -> PlaceSig {
 pub(super) fn mesh_error(error: &MeshError, span: Span) -> Diagnostic {
     match error {
         MeshError::TooMuchMemory(need) => too_much_memory(need, span),
+        // what a file says of places: no map of a box and no refinement makes such cells
+        MeshError::FoldedOver { .. } | MeshError::MiddleNodes { .. } => {
+            Diagnostic::new(Code::E410, error.to_string()).at(span, "")
+        }
         _ => Diagnostic::new(Code::E409, error.to_string()).at(span, ""),
     }
 }

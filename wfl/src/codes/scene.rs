@@ -61,7 +61,9 @@ pages! {
     page(
         E409,
         "a mesh that cannot be used",
-        "Every cell needs a positive volume, and every face belongs to at most two cells. A `map` may invert cells.",
+        "Every cell needs a positive volume, and every face belongs to at most two cells. A `map` may invert cells. Neighbours \
+         share whole faces: a node of some cells that hangs on a face of another one is no node of that one, and a field that \
+         lives on both sides would jump there.",
         "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex map [x, y, 0*z]",
         "mesh box [0,0,0] to [1,1,1] cells [4,4,4] hex map [x, y, 2*z]",
     ),

@@ -22,9 +22,11 @@ pages! {
     ),
     page(
         W405,
-        "duplicate nodes in one body",
-        "Two different nodes of cells of one body have the same coordinates: the body is torn there. Mesh generators \
-         leave such pairs where volumes were not fused. They are not merged automatically.",
+        "cells that are not joined",
+        "Two different nodes of cells of one body have the same coordinates, or faces lie on each other with one unknown on \
+         both sides and nothing joins them: no interface, no mapping, no term or prescribed value there. The body is torn. \
+         Mesh generators leave such places where volumes were not fused. Nodes are not merged automatically. Two bodies that \
+         are meant to touch have an unknown each, or a mapping between their faces.",
         "mesh file \"torn.msh\"",
         "mesh file \"fused.msh\"",
     ),

@@ -172,6 +172,28 @@ pub enum MeshError {
         /// The cell with the quadrilateral.
         quadrilateral: CellName,
     },
+    /// Two cells lie on the same side of the face that they share.
+    #[error(
+        "{first} and {second} lie on the same side of the face that they share: one of them is folded over the other; mend the place where the mesh is made"
+    )]
+    FoldedOver {
+        /// The lower number.
+        first: CellName,
+        /// The higher number.
+        second: CellName,
+    },
+    /// Two cells have the vertices of a face in common, but not the nodes between them, which are elsewhere.
+    #[error(
+        "{first} and {second} share the vertices of a face, but {node} of it belongs to {first} alone, with nothing of {second} at its place: between them is a gap or an overlap; give both cells the same nodes there"
+    )]
+    MiddleNodes {
+        /// The lower number.
+        first: CellName,
+        /// The higher number.
+        second: CellName,
+        /// A node of the face in the first cell.
+        node: NodeName,
+    },
     /// A refinement reaches a cell that cannot be divided.
     #[error(
         "{cell} is a {kind}, and {kind}s are not divided: make the mesh finer where it is made (`Mesh.MeshSizeFactor = 0.5` in Gmsh), or refine only cells that no {kind} shares an edge with"

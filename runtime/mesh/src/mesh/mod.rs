@@ -4,6 +4,7 @@
 //! exist, no cell is inverted, folded or flat. Numbers of cells and nodes are those of the input.
 //! Does not know fields or formulations, and never merges, moves or renumbers nodes.
 
+mod against;
 mod check;
 mod edge;
 mod error;
@@ -21,12 +22,14 @@ mod region;
 mod second_order;
 mod shapes;
 mod sheet;
+mod sides;
 mod together;
 mod topology;
 mod turn;
 
 pub use crate::cell::{CellKind, FacetMap, LocalFacet, Polynomials, Subdivision, facet_correspondences};
 pub use crate::vector::determinant;
+pub use against::{Against, Divided, divided_facets, facets_against};
 pub use edge::{FaceEdge, direction, edge_lengths};
 pub use error::{CellName, DUPLICATE_TOLERANCE, MeshError, MeshWarnings, NodeName};
 pub use generate::{BoxShape, MapError, cells_for_size, generate_box, map_nodes, map_refined};

@@ -115,7 +115,7 @@ struct Candidate {
 }
 
 /// Unit normal out of the cell at the facet's vertices (of the plane through the first three).
-fn outward(mesh: &Mesh, facet: FacetRef, centre: [f64; 3]) -> [f64; 3] {
+pub(super) fn outward(mesh: &Mesh, facet: FacetRef, centre: [f64; 3]) -> [f64; 3] {
     let vertices = mesh.facet_vertices(facet);
     let x: Vec<[f64; 3]> = vertices.vertices().iter().map(|v| mesh.node(*v)).collect();
     let across = match x.as_slice() {

@@ -230,6 +230,46 @@ fn three_cells_at_a_facet_and_twin_cells_are_errors() {
     assert_eq!(topology(raw(vec![0, 1, 0, 1])), Err(MeshError::DuplicateCell { first, second }));
 }
 
+/// Every kind of cell: a second one, half as high on the same facet, has a positive volume and is refused.
+#[test]
+fn cells_on_one_side_of_their_common_facet_are_errors() {
+    for kind in CellKind::ALL.into_iter().skip(1) {
+        let axis = kind.dim() - 1;
+        let mut raw = single(kind, kind.vertices());
+        for (vertex, x) in kind.vertices().iter().enumerate() {
+            let on_it = x[axis] == 0.0;
+            raw.connectivity.push(if on_it { vertex as u32 } else { raw.nodes.len() as u32 });
+            if !on_it {
+                let mut lower = *x;
+                lower[axis] = 0.5;
+                raw.nodes.push(lower);
+            }
+        }
+        raw.kinds.push(kind);
+        let found = Topology::new(&Mesh::from_raw(raw).unwrap());
+        assert!(matches!(found, Err(MeshError::FoldedOver { .. })), "{kind}: {:?}", found.err());
+    }
+}
+
+/// The middle of a common edge is one place; two nodes there are no gap.
+#[test]
+fn other_middle_nodes_of_a_common_facet_are_an_error_where_they_are_elsewhere() {
+    let second_of = |x: f64| {
+        let mesh =
+            second_order(generate_box([0.0; 3], [1.0; 3], [2, 1, 1], 2, BoxShape::Quadrilateral).unwrap()).unwrap();
+        let mut raw = mesh.into_raw();
+        let shared = raw.nodes.iter().position(|x| distance(*x, [0.5, 0.5, 0.0]) < 1e-12).unwrap() as u32;
+        let doubled = raw.nodes.len() as u32;
+        let half = raw.connectivity.len() / 2;
+        raw.connectivity[half..].iter_mut().filter(|n| **n == shared).for_each(|n| *n = doubled);
+        raw.nodes.push([x, 0.5, 0.0]);
+        Topology::new(&Mesh::from_raw(raw).unwrap()).map(|_| ())
+    };
+    assert_eq!(second_of(0.5), Ok(()));
+    let error = second_of(0.53).unwrap_err();
+    assert!(matches!(error, MeshError::MiddleNodes { .. }), "{error}");
+}
+
 #[test]
 fn the_topology_knows_both_sides() {
     for (dim, shape) in SHAPES {

@@ -13,6 +13,7 @@ use super::{
     CellKind, Mesh,
     error::MeshError,
     index::{CellId, EdgeId, FacetId, FacetRef, NodeId},
+    sides::refuse_one_sided,
 };
 
 /// A facet of the mesh with the one or two cells at it.
@@ -65,7 +66,8 @@ impl Topology {
     /// Finds the facets of `mesh`.
     ///
     /// # Errors
-    /// [`MeshError::NonManifold`], [`MeshError::DuplicateCell`] and [`MeshError::HalfFace`].
+    /// [`MeshError::NonManifold`], [`MeshError::DuplicateCell`], [`MeshError::HalfFace`], [`MeshError::FoldedOver`] and
+    /// [`MeshError::MiddleNodes`].
     pub fn new(mesh: &Mesh) -> Result<Topology, MeshError> {
         let mut starts = Vec::with_capacity(mesh.n_cells() + 1);
         let mut slots = Vec::new();
@@ -81,6 +83,7 @@ impl Topology {
         topology.fill_buckets(mesh);
         topology.refuse_duplicate_cells(mesh)?;
         topology.refuse_half_faces(mesh)?;
+        refuse_one_sided(mesh, &topology.facets)?;
         Ok(topology)
     }
 

@@ -1,6 +1,7 @@
 //! Gmsh MSH 4.1, ASCII and binary.
 //!
-//! Elements come in blocks, one a geometric entity; the entity carries the physical groups.
+//! Elements come in blocks, one a geometric entity; the entity carries the physical groups. In a partitioned file elements
+//! stand on entities of partitions, which have a section of their own.
 
 use std::collections::BTreeMap;
 
@@ -21,6 +22,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<RawMesh, ReadError> {
     let mut entity_groups = Entities::new();
     gmsh::parse(bytes, |section, cursor, contents| match section {
         b"Entities" => entities(cursor, &mut entity_groups),
+        b"PartitionedEntities" => partitioned_entities(cursor, &mut entity_groups),
         b"Nodes" => nodes(cursor, contents),
         b"Elements" => elements(cursor, &entity_groups, contents),
         other => cursor.skip_section(other),
@@ -28,6 +30,34 @@ pub(super) fn parse(bytes: &[u8]) -> Result<RawMesh, ReadError> {
 }
 
 fn entities(cursor: &mut Cursor<'_>, groups: &mut Entities) -> Result<(), ReadError> {
+    entity_lists(cursor, groups, |_| Ok(()))?;
+    cursor.close("$EndEntities")
+}
+
+/// The entities of a partitioned mesh, on which its elements stand: each has the groups of the one that it is a part of.
+fn partitioned_entities(cursor: &mut Cursor<'_>, groups: &mut Entities) -> Result<(), ReadError> {
+    cursor.size("the number of partitions")?;
+    for _ in 0..cursor.size("the number of ghost entities")? {
+        cursor.integer("the number of a ghost entity")?;
+        cursor.integer("the partition of a ghost entity")?;
+    }
+    entity_lists(cursor, groups, |cursor| {
+        cursor.integer("the dimension of a parent")?;
+        cursor.integer("the number of a parent")?;
+        for _ in 0..cursor.size("the number of partitions of an entity")? {
+            cursor.integer("a partition of an entity")?;
+        }
+        Ok(())
+    })?;
+    cursor.close("$EndPartitionedEntities")
+}
+
+/// Points, curves, surfaces and volumes; behind the number of each stands what `skip` reads.
+fn entity_lists(
+    cursor: &mut Cursor<'_>,
+    groups: &mut Entities,
+    skip: impl Fn(&mut Cursor<'_>) -> Result<(), ReadError>,
+) -> Result<(), ReadError> {
     let mut counts = [0; 4];
     for count in &mut counts {
         *count = cursor.size("a number of entities")?;
@@ -35,6 +65,7 @@ fn entities(cursor: &mut Cursor<'_>, groups: &mut Entities) -> Result<(), ReadEr
     for (dim, count) in (0..).zip(counts) {
         for _ in 0..count {
             let tag = cursor.integer("the number of an entity")?;
+            skip(cursor)?;
             // A point has its place, the others their bounding box.
             for _ in 0..if dim == 0 { 3 } else { 6 } {
                 cursor.double("a coordinate of an entity")?;
@@ -44,11 +75,9 @@ fn entities(cursor: &mut Cursor<'_>, groups: &mut Entities) -> Result<(), ReadEr
             for _ in 0..n_groups {
                 of_entity.push(cursor.integer("the number of a group")?.abs());
             }
-            if !of_entity.is_empty() {
-                of_entity.sort_unstable();
-                of_entity.dedup();
-                groups.insert((dim, tag), of_entity);
-            }
+            of_entity.sort_unstable();
+            of_entity.dedup();
+            groups.insert((dim, tag), of_entity);
             if dim > 0 {
                 for _ in 0..cursor.size("the number of bounding entities")? {
                     cursor.integer("the number of a bounding entity")?;
@@ -56,7 +85,7 @@ fn entities(cursor: &mut Cursor<'_>, groups: &mut Entities) -> Result<(), ReadEr
             }
         }
     }
-    cursor.close("$EndEntities")
+    Ok(())
 }
 
 fn nodes(cursor: &mut Cursor<'_>, contents: &mut Contents) -> Result<(), ReadError> {

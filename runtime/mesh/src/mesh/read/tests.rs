@@ -154,6 +154,25 @@ fn a_small_file_is_read_with_any_line_ends_and_unknown_sections() {
     assert_eq!(message(&text.replace("9", "900000000000")), "fine");
 }
 
+/// Two triangles, each a partition of surface 1, and an edge of curve 2: the groups stand at the entities of the partitions.
+#[test]
+fn the_groups_of_a_partitioned_file_are_those_of_its_partitions() {
+    let entities = "$Entities\n0 1 1 0\n2 1 0 0 1 1 0 1 3 0\n1 0 0 0 1 1 0 1 7 0\n$EndEntities\n";
+    let parts = "$PartitionedEntities\n2\n1\n9 1\n0 2 2 0\n3 1 2 1 1 1 0 0 1 1 0 1 3 0\n\
+                 4 2 1 2 1 2 0 0 0 1 1 0 0 0\n2 2 1 1 1 0 0 0 1 1 0 1 7 1 3\n3 2 1 1 2 0 0 0 1 1 0 1 7 0\n$EndPartitionedEntities\n";
+    let nodes = "$Nodes\n1 4 1 4\n2 2 0 4\n1\n2\n3\n4\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n$EndNodes\n";
+    let elements =
+        "$Elements\n4 4 1 4\n1 3 1 1\n1 2 3\n1 4 1 1\n2 1 3\n2 2 2 1\n3 1 2 3\n2 3 2 1\n4 1 3 4\n$EndElements\n";
+    let names = "$PhysicalNames\n2\n1 3 \"right\"\n2 7 \"plate\"\n$EndPhysicalNames\n";
+    let head = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n";
+    let mesh =
+        Mesh::from_raw(parse_mesh(format!("{head}{names}{entities}{parts}{nodes}{elements}").as_bytes()).unwrap())
+            .unwrap();
+    let topology = Topology::new(&mesh).unwrap();
+    assert_eq!(mesh.groups().len(), 2);
+    assert_eq!((measure(&mesh, &topology, "plate"), measure(&mesh, &topology, "right")), (1.0, 1.0));
+}
+
 #[test]
 fn errors_name_the_place() {
     let file = |nodes: &str, elements: &str| message(&format!("{HEAD}{nodes}{elements}"));
