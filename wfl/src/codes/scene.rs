@@ -218,9 +218,11 @@ pages! {
     ),
     page(
         E433,
-        "two outputs with one name",
-        "Files with one name would replace each other, and so would quantities with one name in a file. On some \
-         systems names that differ only in upper and lower case are the same.",
+        "two results with one name",
+        "Files with one name would replace each other, and so would quantities with one name in a file. A run has files \
+         of its own: `measures.csv` where there are measures, `gradient.csv` and others where derivatives are asked for, \
+         and for each step `NAME_0000.csv` or `NAME_0000.vtu`. On some systems names that differ only in upper and lower \
+         case are the same.",
         "output vtk \"plate\" : u\noutput vtk \"Plate\" : Grad_u as strain",
         "output vtk \"plate\" : u\noutput vtk \"strains\" : Grad_u as strain",
     ),
