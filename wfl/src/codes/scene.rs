@@ -478,7 +478,8 @@ pages! {
         E502,
         "a unit that is not known",
         "Units are SI units with their prefixes (N, Pa, J, W, g, m, s, K, A, mol) and a few others: bar, psi, t, L, in, \
-         ft, min, h, day, year, rad, deg, degC. A product is written with `*`, `/` and whole powers.",
+         ft, min, h, day, year, rad, deg, degC. A product is written with a blank or `*`, a quotient with `/`, and \
+         powers are whole.",
         "param E = 2e5 [MPaa]",
         "param E = 2e5 [MPa]",
     ),
