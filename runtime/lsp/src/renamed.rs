@@ -11,7 +11,10 @@ use std::{
 use wfl::{Diagnostic, SourceId, Span};
 use wfl_tasks::scene_file::{OpenTexts, plain_path};
 
-use crate::{analysis::Analysis, symbols::{Key, Kind}};
+use crate::{
+    analysis::Analysis,
+    symbols::{Key, Kind},
+};
 
 /// A name, what it is to become, and its places in the files of all scenes, sorted.
 pub(crate) struct Renaming<'a> {

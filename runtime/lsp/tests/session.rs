@@ -177,7 +177,8 @@ fn a_name_that_would_change_the_meaning_is_refused() {
         let told = e.refused("textDocument/rename", named);
         assert!(told.contains(why), "{needle} {new}: {told}");
     }
-    for (needle, by, new) in [("param E", 6, "y2"), ("w, a)", 0, "u"), ("def sig", 4, "sigma_of"), ("term el", 5, "m")] {
+    for (needle, by, new) in [("param E", 6, "y2"), ("w, a)", 0, "u"), ("def sig", 4, "sigma_of"), ("term el", 5, "m")]
+    {
         let position = e.at("s.wfl", needle, by);
         let named = json!({"textDocument": {"uri": uri}, "position": position, "newName": new});
         let changes = e.ask("textDocument/rename", named)["changes"].clone();

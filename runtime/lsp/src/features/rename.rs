@@ -74,12 +74,7 @@ pub(crate) fn rename(view: &View<'_>, position: Position, new: &str) -> Result<O
 }
 
 /// Refuses a name with which a word of some scene would mean something else.
-fn means_the_same(
-    view: &View<'_>,
-    key: &Key,
-    new: &str,
-    texts: &BTreeMap<PathBuf, Found>,
-) -> Result<(), Refused> {
+fn means_the_same(view: &View<'_>, key: &Key, new: &str, texts: &BTreeMap<PathBuf, Found>) -> Result<(), Refused> {
     let places = texts.iter().map(|(path, found)| (path.clone(), found.places.clone())).collect();
     let renaming = Renaming { key, new, places: &places };
     let mut changed = None;
