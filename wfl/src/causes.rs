@@ -134,6 +134,14 @@ mod tests {
     }
 
     #[test]
+    fn what_no_term_has_is_not_told_where_a_term_cannot_be_read() {
+        for code in [Code::E454, Code::E457] {
+            assert_eq!(told(&[(Code::E207, "b on f"), (code, "u : scalar")]).0, [Code::E207]);
+            assert_eq!(told(&[(Code::E207, "f = faces"), (code, "u : scalar")]).0, [Code::E207, code]);
+        }
+    }
+
+    #[test]
     fn what_follows_from_another_error_is_left_out() {
         assert_eq!(told(&[(Code::E408, "box"), (Code::E205, "x == 0"), (Code::E101, "sigma(u)")]).0, [Code::E408]);
         assert_eq!(told(&[(Code::E108, "x == 0"), (Code::E204, "Normal")]).0, [Code::E108]);

@@ -221,12 +221,24 @@ fn head(cell: &str, span: Span) -> Result<Head, &'static str> {
     Ok(Head { name: Some(name.to_owned()), unit: unit.map(|factors| Unit { factors, places: Vec::new(), span }) })
 }
 
-/// `MPa*s/mm^2`
+/// `MPa*s/mm^2`, `N mm`; nothing where a scene could not have it.
 fn factors(text: &str) -> Option<Vec<(String, i32)>> {
     let mut found = Vec::new();
-    let (mut rest, mut sign) = (text.trim(), 1);
+    let is_sign = |c: char| ['*', '/', '^'].contains(&c);
+    let mut bare = String::new();
+    for word in text.split_whitespace() {
+        // a blank beside a sign says nothing
+        if !bare.is_empty() && !bare.ends_with(is_sign) && !word.starts_with(is_sign) {
+            bare.push(' ');
+        }
+        bare.push_str(word);
+    }
+    if bare.split_once('/').is_some_and(|(_, divisors)| divisors.contains(' ')) {
+        return None;
+    }
+    let (mut rest, mut sign) = (bare.as_str(), 1);
     loop {
-        let end = rest.find(['*', '/']).unwrap_or(rest.len());
+        let end = rest.find(['*', '/', ' ']).unwrap_or(rest.len());
         let (name, power) = rest[..end].split_once('^').unwrap_or((&rest[..end], "1"));
         let power = i32::from(power.trim().parse::<i8>().ok()?);
         match name.trim() {
@@ -312,6 +324,10 @@ mod tests {
         assert_eq!(table.curves[1].values, [2.0, -0.45]);
         let unit = table.heads[1].unit.as_ref().unwrap();
         assert_eq!(unit.factors, [("MPa".to_owned(), 1), ("s".to_owned(), 1), ("mm".to_owned(), -2)]);
+        let of = |text: &str| factors(text).map(|f| f.into_iter().map(|(n, p)| format!("{n}{p}")).collect::<String>());
+        assert_eq!(of("N mm"), of("N*mm"));
+        assert_eq!([of(" kN  m ^ 2 / s "), of("kg/m/s^2")], [of("kN*m^2/s"), of("kg*m^-1*s^-2")]);
+        assert_eq!([of("J/kg K"), of("N  * / m"), of("")], [None, None, None]);
         assert_eq!(table.heads[2], Head { name: Some("f".to_owned()), unit: None });
         assert!(table.curve(None).is_err() && table.curve(Some("t")).is_err());
         assert_eq!(table.curve(Some("f")).unwrap().name, "\"h.csv\", column `f`");

@@ -281,16 +281,19 @@ impl Builder<'_> {
 
     /// A word that needs a field where there is none of that name.
     fn no_field(&mut self, e: &Expr, name: &str, word: &FieldWord<'_>) -> Option<ExprId> {
-        if !word.has_prefix() || !self.env.params.contains_key(word.field) {
+        let Some(number) = self.env.params.get(word.field).filter(|_| word.has_prefix()) else {
             return self.unknown_name(e, name);
-        }
+        };
+        let of_scene = number.declared.is_some();
+        let kind = if of_scene { "a param" } else { "a number of the run" };
         if word.is_test() {
-            let d = Diagnostic::new(Code::E304, format!("`{}` is a param, it has no test function", word.field));
+            let d = Diagnostic::new(Code::E304, format!("`{}` is {kind}, it has no test function", word.field));
             return self.report(d, e, "only unknowns and multipliers have one");
         }
         let what = name.strip_suffix(word.field).unwrap_or(name).trim_end_matches('_');
-        let d = Diagnostic::new(Code::E106, format!("`{what}_` needs a field name, but `{}` is a param", word.field));
-        self.report(d, e, "")
+        let d = Diagnostic::new(Code::E106, format!("`{what}_` needs a field name, but `{}` is {kind}", word.field));
+        let d = if of_scene { d } else { d.help("a measure of the fields has it: mean(u - Previous_u) on all") };
+        self.report(d, e, if of_scene { "" } else { "measures have one value at the end of each step" })
     }
 
     fn lives_here(&mut self, e: &Expr, field: FieldId, side: Side) -> Option<()> {

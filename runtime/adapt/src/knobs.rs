@@ -4,8 +4,8 @@
 //! statements: `h`, `refine` and `cells` the mesh, `degree` the unknowns on cells (multipliers stay as they are), `marks` the refinement of the mesh,
 //! `quadrature` the rule of the terms with kinks, `tol`, `max_iter`, `search` and `perturb` the iterations, `solver` how systems
 //! are solved, `threads` the number of threads, `precision` that of a factor, `no_prune` what is left out. Promises
-//! that a text that means nothing is refused before anything is run; does not judge whether the scene that comes out
-//! makes sense.
+//! that a text that means nothing is refused before anything is run, that the order of knobs does not matter, and that none
+//! of them takes away what another one says; does not judge whether the scene that comes out makes sense.
 
 use thiserror::Error;
 use wfl::{
@@ -54,6 +54,12 @@ pub const SUBSTEPS: &str = "substeps";
 /// The report of a run with a demanded accuracy, whose refinement of the mesh is taken. Who reads the scene reads it, too.
 pub const MARKS: &str = "marks";
 
+/// Knobs that say of how many cells the mesh is.
+pub const DIVIDING: [&str; 2] = ["h", "cells"];
+
+/// Knobs that change what others say, and are applied behind them.
+const BEHIND: [&str; 2] = ["refine", RICHER];
+
 /// A knob that a scene cannot have.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum KnobError {
@@ -70,6 +76,23 @@ pub enum KnobError {
     /// The mesh comes from a file: it cannot be refined.
     #[error("knob `{0}` changes a `mesh box`, and the mesh of this scene comes from a file")]
     MeshFile(String),
+    /// A knob with two values.
+    #[error("knob `{0}` is given twice\n  = help: one value for each; wfl sweep takes a list: {0}=1,2")]
+    Twice(String),
+    /// Two knobs that say the same.
+    #[error("knobs `{0}` and `{1}` both say how the mesh is divided\n  = help: leave one of them out")]
+    Both(String, String),
+    /// A knob that takes the place of what a parameter is read by.
+    #[error(
+        "knob `{knob}` takes the place of the division of the mesh, which reads `{param}`: its value would be without \
+         effect there\n  = help: leave one of them out; refine=2 divides what `{param}` gives"
+    )]
+    Replaced {
+        /// The knob.
+        knob: String,
+        /// The parameter.
+        param: String,
+    },
     /// Neither a parameter nor a knob.
     #[error("no parameter and no knob `{name}`\n  = help: parameters of the scene: {params}; knobs: {known}")]
     Unknown {
@@ -88,18 +111,52 @@ pub fn overrides(setting: &Setting, params: &[String]) -> Vec<String> {
     setting.iter().filter(|(n, _)| params.contains(n)).map(|(n, v)| format!("{n}={v}")).collect()
 }
 
-/// Changes the statements of a scene for the knobs that are no parameters. `kinked` names the regions of terms with
-/// kinks, or of all terms where there are none.
+/// Whether knobs and parameters that are given together all count: each has one value, and none takes the place of what
+/// another one says.
 ///
 /// # Errors
-/// [`KnobError`] for a knob or a value that this scene cannot have.
+/// [`KnobError`] for two that do not go together.
+pub fn together(script: &ResolvedScript, setting: &Setting, params: &[String]) -> Result<(), KnobError> {
+    let (given, own): (Vec<&str>, Vec<&str>) =
+        setting.iter().map(|(name, _)| name.as_str()).partition(|name| params.iter().any(|p| p == name));
+    if let Some(twice) = own.iter().enumerate().find(|(k, name)| own[..*k].contains(name)) {
+        return Err(KnobError::Twice((*twice.1).to_owned()));
+    }
+    let mut dividing = own.iter().filter(|name| DIVIDING.contains(name));
+    let Some(knob) = dividing.next() else { return Ok(()) };
+    if let Some(other) = dividing.next() {
+        return Err(KnobError::Both((*knob).to_owned(), (*other).to_owned()));
+    }
+    let mut read = mesh_words(script);
+    let mut k = 0;
+    while let Some(param) = read.get(k).map(|word| script.params.iter().find(|p| p.name.name == *word)) {
+        let mut more = Vec::new();
+        param.into_iter().for_each(|param| wfl::each_name(&param.value, &mut |word| more.push(word.to_owned())));
+        more.retain(|word| !read.contains(word));
+        read.extend(more);
+        k += 1;
+    }
+    match given.into_iter().find(|name| read.iter().any(|word| word == name)) {
+        Some(param) => Err(KnobError::Replaced { knob: (*knob).to_owned(), param: param.to_owned() }),
+        None => Ok(()),
+    }
+}
+
+/// Changes the statements of a scene for the knobs that are no parameters. `kinked` names the regions of terms with
+/// kinks, or of all terms where there are none. In which order knobs are given does not matter.
+///
+/// # Errors
+/// [`KnobError`] for a knob or a value that this scene cannot have, and as [`together`].
 pub fn apply(
     script: &mut ResolvedScript,
     setting: &Setting,
     params: &[String],
     kinked: &[String],
 ) -> Result<(), KnobError> {
-    for (name, value) in setting.iter().filter(|(n, _)| !params.contains(n)) {
+    together(script, setting, params)?;
+    let mut own: Vec<&(String, String)> = setting.iter().filter(|(n, _)| !params.contains(n)).collect();
+    own.sort_by_key(|(name, _)| BEHIND.contains(&name.as_str()));
+    for (name, value) in own {
         let wrong = |needs| KnobError::Value { name: name.clone(), value: value.clone(), needs };
         match name.as_str() {
             "h" => mesh(script, name, Some(positive(value).ok_or_else(|| wrong("a length above 0"))?), 1.0)?,

@@ -33,8 +33,8 @@ Exit codes:
   0  done
   1  an error: the command line, the scene, a file, a singular system; `fmt --check`: a file is not formatted;
      `verify`: a tangent or a derivative is wrong
-  2  `run`: a step did not converge
-  3  `run`: an expectation of the scene does not hold
+  2  `run`: a step did not converge; `sweep`: a run has no solution
+  3  `run`, `sweep`: an expectation of the scene does not hold
   4  `run`: the accuracy wanted was not reached
 
 Start with:
@@ -166,6 +166,9 @@ A knob is a parameter of the scenes, or one of
                                full: the whole tangent
   no_prune=nothing,constant,linear,condense,forces,symmetric,quadrature,past   optimisations that are turned off
 Lists: a,b,c; a..b:log5 and a..b:lin5 have five values with both ends. Several scenes are several methods.
+Of h and cells one is taken, in place of parameters that divide the mesh. The table has the status of each run.
+Exit codes: 0 every run was solved, 1 error, 2 a run failed, did not converge or has a number that is not finite, 3 an
+`expect` of the scene does not hold for a run.
 Results in DIR: sweep.csv with a row for each setting, failed ones included; sweep.html and an SVG file for each plot,
 made from this table. Rows that are already in the table are not run again.
 

@@ -154,12 +154,12 @@ fn line(text: &str) -> Result<Slice, String> {
         let numbers = numbers(text)?;
         matches!(numbers.len(), 2 | 3).then(|| [numbers[0], numbers[1], numbers.get(2).copied().unwrap_or(0.0)])
     };
-    let read = || {
-        let (a, b) = text.split_once(':')?;
-        let ends = [point(a)?, point(b)?];
-        (ends[0] != ends[1]).then_some(Slice::Line(ends))
-    };
-    read().ok_or_else(|| "it is two points, as in `0,0:1,2`".to_owned())
+    let ends = text.split_once(':').and_then(|(a, b)| Some([point(a)?, point(b)?]));
+    match ends {
+        Some([a, b]) if a == b => Err("both ends are one point: a line has a length, as in `0,0:1,2`".to_owned()),
+        Some(ends) => Ok(Slice::Line(ends)),
+        None => Err("it is two points, as in `0,0:1,2`".to_owned()),
+    }
 }
 
 /// `-60,25`.

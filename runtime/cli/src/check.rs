@@ -19,7 +19,7 @@ use wfl_mesh::{
     mesh::{self, FacetId, Mesh, Polynomials, RegionSet},
 };
 use wfl_newton::planned_stages;
-use wfl_problem::Scene;
+use wfl_problem::{Cadence, Scene};
 use wfl_sparse::solve::{Linked, SolverOptions};
 use wfl_tasks::{
     Loaded,
@@ -35,6 +35,7 @@ use crate::{
     prepared::{EXIT_ERROR, backend, prepare_scene, sign_of_life},
     solvers, summary,
     table::{Table, number},
+    together::shares_files,
 };
 
 pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
@@ -54,6 +55,8 @@ pub(crate) fn check(args: &CheckArgs, started: Instant) -> ExitCode {
     let of_contact = warnings(&loaded, &forms);
     let of_signs = signs::forces(&loaded, &scene, &of_contact);
     loaded.messages.extend(of_signs.into_iter().chain(of_contact));
+    let shared = shares_files(&loaded, &scene);
+    loaded.messages.extend(shared);
     drop(preparing);
     print_all(&loaded.messages, &loaded.sources);
     let accuracy = accuracy::table(&loaded, &scene);
@@ -445,15 +448,20 @@ fn measures(loaded: &Loaded) -> Table {
 /// What is written, and what a run of all steps would write of it.
 fn outputs(loaded: &Loaded, scene: &Scene) -> Table {
     let mut table = Table::new("outputs", &["format", "file", "quantities", "files", "about MB"]);
-    let vtk = scene.vtk.iter().map(|v| ("vtk", &v.file, &v.every, v.bytes()));
-    let made: Vec<_> = vtk.chain(scene.csv.iter().map(|c| ("csv", &c.file, &c.every, c.bytes()))).collect();
+    // where nothing bounds them, as many as steps are expected
+    let times = |every: &Cadence| every.n_files(&scene.steps).unwrap_or_else(|| scene.steps.expected());
+    let many = |every: &Cadence, bytes: usize| (times(every), times(every) * bytes);
+    let vtk = scene.vtk.iter().map(|v| ("vtk", &v.file, many(&v.every, v.bytes())));
+    let csv = scene.csv.iter().map(|c| ("csv", &c.file, many(&c.every, c.bytes())));
+    // the rows of all steps are in one file
+    let series = scene.series.iter().map(|c| ("csv", &c.file, (1, many(&c.every, c.bytes()).1)));
+    let made: Vec<_> = vtk.chain(csv).chain(series).collect();
     for o in &loaded.script.outputs {
         let items: Vec<Value> = o.items.iter().map(|i| i.name.clone().into()).collect();
         let found = made.iter().find(|m| (m.0, m.1) == (o.format.name.as_str(), &o.file));
-        // where nothing bounds them, as many as steps are expected
-        let files = found.map_or(0, |m| m.2.n_files(&scene.steps).unwrap_or_else(|| scene.steps.expected()));
+        let (files, bytes) = found.map_or((0, 0), |m| m.2);
         #[expect(clippy::cast_precision_loss, reason = "a size with few digits")]
-        let size = found.map_or(0.0, |m| short((files * m.3) as f64 / 1e6));
+        let size = short(bytes as f64 / 1e6);
         table.push(vec![o.format.name.clone().into(), o.file.clone().into(), items.into(), files.into(), size.into()]);
     }
     table

@@ -26,7 +26,7 @@ const EXIT_NOT_CONVERGED: u8 = 2;
 /// An expectation of the scene does not hold.
 const EXIT_EXPECTATION: u8 = 3;
 
-fn code(ending: Ending) -> ExitCode {
+pub(crate) fn code(ending: Ending) -> ExitCode {
     match ending {
         Ending::Done => ExitCode::SUCCESS,
         Ending::NotFinite => ExitCode::from(EXIT_ERROR),

@@ -7,7 +7,7 @@ use std::{
 
 use wfl_output::{Kind, OutputDir, OutputError, Plan, State};
 use wfl_report::{Pages, Picture, ReportError, RunFolder};
-use wfl_tasks::folder::told;
+use wfl_tasks::folder::told_of_showing;
 
 use crate::{
     args::ReportArgs,
@@ -37,11 +37,11 @@ pub(crate) fn report(args: &ReportArgs) -> ExitCode {
 fn made(args: &ReportArgs) -> Result<String, String> {
     let run = RunFolder::read(&args.folder).map_err(|e| explained(&e))?;
     let pages = Pages::new(&run, &args.at).map_err(|e| explained(&e))?;
-    let page = page(&run, &pages).map_err(|e| told(&e))?;
+    let page = page(&run, &pages).map_err(|e| told_of_showing(&e))?;
     let mut said = format!("page in {}\n", page.display());
     if args.plots {
         let folder = args.folder.join(PLOTS);
-        plots(&folder, &run, &pages).map_err(|e| told(&e))?;
+        plots(&folder, &run, &pages).map_err(|e| told_of_showing(&e))?;
         said += &format!("{} charts in {}\n", pages.pictures.len(), folder.display());
     }
     let steps = &run.report().steps;
@@ -82,7 +82,7 @@ pub(crate) fn explained(error: &ReportError) -> String {
         ReportError::Folder(OutputError::Damaged { file, what }) => {
             return explained(&ReportError::Damaged { file: file.clone(), what: what.clone() });
         }
-        ReportError::Folder(error) => return told(error),
+        ReportError::Folder(error) => return told_of_showing(error),
         ReportError::NoManifest(_) => "copy it along with the folder, or run the scene again into another one",
         ReportError::NotEnded(_) => "wfl run SCENE --resume ends it",
         ReportError::NoFolder(_) => "wfl run SCENE writes its results to out/<scene>; give that folder",

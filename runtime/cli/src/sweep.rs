@@ -3,6 +3,7 @@
 use std::{path::Path, process::ExitCode};
 
 use wfl_tasks::{
+    ending::Ending,
     folder::error_line,
     sweep::{self, Job},
 };
@@ -10,13 +11,14 @@ use wfl_tasks::{
 use crate::{
     args::SweepArgs,
     console::Console,
+    ended::code,
     load::say,
     prepared::{EXIT_ERROR, backend},
 };
 
 pub(crate) fn sweep(args: &SweepArgs, program: &Path) -> ExitCode {
     match done(args, program) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(ending) => code(ending),
         Err(why) => {
             say(&error_line(&why));
             ExitCode::from(EXIT_ERROR)
@@ -24,11 +26,13 @@ pub(crate) fn sweep(args: &SweepArgs, program: &Path) -> ExitCode {
     }
 }
 
-fn done(args: &SweepArgs, program: &Path) -> Result<(), String> {
+/// How the runs ended.
+fn done(args: &SweepArgs, program: &Path) -> Result<Ending, String> {
     let listener = &Console { quiet: args.quiet };
     if args.plot {
         let given: Vec<_> = args.words.iter().map(Into::into).collect();
-        return sweep::plot(if given.is_empty() { std::slice::from_ref(&args.out) } else { &given }, listener);
+        sweep::plot(if given.is_empty() { std::slice::from_ref(&args.out) } else { &given }, listener)?;
+        return Ok(Ending::Done);
     }
     let Some(backend) = backend(false) else { return Err("there is no machine code on this processor".to_owned()) };
     let job = Job {
@@ -44,7 +48,7 @@ fn done(args: &SweepArgs, program: &Path) -> Result<(), String> {
         program,
     };
     match &args.study {
-        Some(docs) => sweep::study(&job, docs),
+        Some(docs) => sweep::study(&job, docs).map(|()| Ending::Done),
         None => sweep::sweep(&job),
     }
 }

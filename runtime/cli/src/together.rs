@@ -3,7 +3,7 @@
 use wfl::{Code, Diagnostic};
 use wfl_gradient::{Request, ahead, stated};
 use wfl_output::record::MESH_FILE;
-use wfl_problem::{Scene, place_of_moving};
+use wfl_problem::{Scene, place_of_moving, shared_beside};
 use wfl_run::may_begin;
 use wfl_tasks::{Loaded, folder::error_line, gradient::files};
 
@@ -56,7 +56,7 @@ pub(crate) fn may_pick(args: &RunArgs, loaded: &Loaded, scene: &Scene) -> bool {
         );
         return false;
     }
-    may_write(args, loaded, scene, &[MESH_FILE])
+    may_write(args, loaded, scene, &[(MESH_FILE.to_owned(), "the mesh for the accuracy".to_owned())])
 }
 
 /// Whether what is asked for beside the results of a run can be done, looked at before anything is; says why not.
@@ -73,17 +73,29 @@ pub(crate) fn may_do_more(args: &RunArgs, loaded: &Loaded, scene: &Scene, reques
         print_all(&[*d], &loaded.sources);
         return false;
     }
-    let mut files: Vec<String> = all.iter().copied().flat_map(files).collect();
-    files.sort_unstable();
-    files.dedup();
+    let files: Vec<(String, String)> = all.iter().copied().flat_map(files).collect();
     let nothing = !args.savings && all.is_empty();
-    nothing || may_write(args, loaded, scene, &files.iter().map(String::as_str).collect::<Vec<_>>())
+    nothing || may_write(args, loaded, scene, &files)
 }
 
-/// Whether the results can be written, and the files `more` beside them, looked at before other runs are made for this
-/// one; says why not.
-pub(crate) fn may_write(args: &RunArgs, loaded: &Loaded, scene: &Scene, more: &[&str]) -> bool {
-    match folder(args, loaded).map(|out| may_begin(scene, &out, more)) {
+/// Messages about files of the derivatives that a scene states which other results have, too.
+pub(crate) fn shares_files(loaded: &Loaded, scene: &Scene) -> Vec<Diagnostic> {
+    // what is wrong with the statements themselves a run tells
+    let stated = stated(scene, &loaded.script).unwrap_or_default();
+    let files: Vec<(String, String)> = stated.iter().flat_map(files).collect();
+    shared_beside(&loaded.script, scene.steps.several(), &files)
+}
+
+/// Whether the results can be written, and beside them the files `more`, each with what is in it; looked at before other
+/// runs are made for this one; says why not.
+fn may_write(args: &RunArgs, loaded: &Loaded, scene: &Scene, more: &[(String, String)]) -> bool {
+    let shared = shared_beside(&loaded.script, scene.steps.several(), more);
+    if !shared.is_empty() {
+        print_all(&shared, &loaded.sources);
+        return false;
+    }
+    let names: Vec<&str> = more.iter().map(|(name, _)| name.as_str()).collect();
+    match folder(args, loaded).map(|out| may_begin(scene, &out, &names)) {
         Ok(Ok(())) => return true,
         Ok(Err(error)) => explain(loaded, scene, &error),
         Err(why) => say(&error_line(&why)),

@@ -301,6 +301,58 @@ fn a_closed_pipe_is_no_panic() {
     assert!(ended.stderr.is_empty(), "{}", String::from_utf8_lossy(&ended.stderr));
 }
 
+/// Knobs do the same in any order, and none takes away what another one says without a word.
+#[test]
+fn knobs_go_together_or_are_refused() {
+    let folder = crate::common::Folder::new("knobs");
+    let scene = "param n = 4\nparam m = 2*n\nmesh box [0] to [1] cells [m]\nunknown u : scalar\n\
+        term f on all : u*Test_u - x*Test_u\nmeasure s = integral(u) on all\n";
+    folder.write("s.wfl", scene);
+    let cells = |words: &[&str]| -> u64 {
+        let told = folder.wfl(&[&["check", "s.wfl", "--json"], words].concat());
+        let told: serde_json::Value = serde_json::from_slice(&told.stdout).expect("JSON");
+        told["mesh"][0]["cells"].as_u64().expect("a number")
+    };
+    assert_eq!([cells(&["refine=2", "h=0.25"]), cells(&["h=0.25", "refine=2"])], [8, 8]);
+    assert_eq!([cells(&["refine=2", "cells=3"]), cells(&["n=3", "refine=2"])], [6, 12]);
+    for command in ["run", "check", "sweep"] {
+        for (words, why) in [
+            (["h=0.5", "cells=4"], "both say how the mesh is divided"),
+            (["n=4", "cells=4"], "the division of the mesh, which reads `n`"),
+            (["cells=4", "m=4"], "the division of the mesh, which reads `m`"),
+            (["degree=2", "degree=1"], "knob `degree` is given twice"),
+        ] {
+            let out = folder.wfl(&[&[command, "s.wfl"], &words[..]].concat());
+            let told = String::from_utf8_lossy(&out.stderr).into_owned();
+            assert!(out.status.code() == Some(1) && told.contains(why), "{command} {words:?}: {told}");
+        }
+    }
+}
+
+/// Messages name what is there, and nothing that follows from another error alone.
+#[test]
+fn messages_name_what_is_there() {
+    let folder = crate::common::Folder::new("named");
+    let told = |text: &str, words: &[&str]| {
+        folder.write("s.wfl", text);
+        let out = folder.wfl(words);
+        String::from_utf8_lossy(&out.stderr).into_owned()
+    };
+    let head = "mesh box [0] to [1] cells [2]\nunknown u : scalar\nsteps t = 0 to 1 by 0.5\n";
+    // a broken term is told once, not as one that is not there
+    let waves = format!(
+        "{head}term in on all : Dot2_u*Test_u\nterm s on all : Grad_u.Grad_Test_u\nstart Dot_u = x\nscheme explicit\n"
+    );
+    let broken = told(&waves, &["check", "s.wfl"]);
+    assert!(broken.contains("E207") && !broken.contains("E454") && !broken.contains("E457"), "{broken}");
+    let measure =
+        format!("{head}term f on all : u*Test_u - t*Test_u\nmeasure s = mean(u) on all\nmeasure r = s - Previous_s\n");
+    let of_measure = told(&measure, &["check", "s.wfl"]);
+    assert!(of_measure.contains("E106") && of_measure.contains("`s` is a number of the run"), "{of_measure}");
+    let line = told("", &["plot", "nowhere", "--line", "0,0:0,0"]);
+    assert!(line.contains("both ends are one point"), "{line}");
+}
+
 /// A bar and a spring that is pulled: its parameters far from their values, within their ranges and outside.
 const EXTREMES: &str = "mesh box [0] to [1] cells [2] segment\nparam k = 10 in 1..1e9\nregion east = faces where x == 1\n\
     region west = faces where x == 0\nunknown u : scalar\nterm bar on all : Grad_u.Grad_Test_u + 0.1*u^3*Test_u\n\

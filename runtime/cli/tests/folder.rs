@@ -424,7 +424,9 @@ fn a_sweep_keeps_the_rows_of_what_it_reads_now() {
     folder.write("k.csv", table(4.0));
     let second = sweep("t");
     assert!(said(&second).contains("2 runs, 0 of them already in the table"), "{}", said(&second));
-    assert_eq!(fluxes(), [1.0, 2.0, 4.0, 8.0]);
+    assert_eq!(fluxes(), [4.0, 8.0]);
+    let told = String::from_utf8_lossy(&second.stdout).into_owned();
+    assert!(told.contains("2 rows were dropped"), "{told}");
     assert!(said(&sweep("t")).contains("2 runs, 2 of them already in the table"));
     // a table that was changed is not gone on with
     let whole = fs::read_to_string(folder.0.join("t/sweep.csv")).expect("a table");
@@ -438,7 +440,11 @@ fn a_sweep_keeps_the_rows_of_what_it_reads_now() {
     assert_eq!(fs::read_to_string(folder.0.join("theirs/sweep.csv")).expect("readable"), "a,b\n1,2\n");
     refused(&folder.wfl(&["run", "flux.wfl", "--out", "t"]), "E713", &["the table of a sweep"]);
     assert!(folder.wfl(&["run", "flux.wfl", "--out", "r", "-q"]).status.success());
-    refused(&sweep("r"), "E713", &["the results of a run"]);
+    refused(&sweep("r"), "E713", &["the results of a run", "--out DIR"]);
+    // what shows a run is not told where to write
+    let shown = folder.wfl(&["report", "t"]);
+    refused(&shown, "E713", &["the table of a sweep", "sweep.html"]);
+    assert!(!said(&shown).contains("--out"), "{}", said(&shown));
 }
 
 #[test]

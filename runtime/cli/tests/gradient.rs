@@ -128,3 +128,22 @@ fn steps_are_computed_again_where_memory_does_not_hold_them_all() {
     assert!(some.status.success() && said(&some).contains("steps computed again"), "{}", said(&some));
     assert_eq!(known, table());
 }
+
+/// Nothing is run where a file of derivatives would replace another result, or one of another derivative.
+#[test]
+fn derivatives_replace_no_other_result() {
+    let folder = Folder::new("gradient_names");
+    folder.write("bar.wfl", format!("{BAR}output csv \"gradient\" : u at [0.5]\n"));
+    let asked = ["run", "bar.wfl", "--gradient", "stress", "--with", "E"];
+    let done = folder.wfl(&asked);
+    assert!(!done.status.success() && said(&done).contains("E433"), "{}", said(&done));
+    assert!(!folder.0.join("out").exists());
+    assert!(folder.wfl(&["run", "bar.wfl"]).status.success());
+    folder.write("bar.wfl", format!("{BAR}gradient stress with E\noutput csv \"gradient\" : u at [0.5]\n"));
+    let done = folder.wfl(&["check", "bar.wfl"]);
+    assert!(!done.status.success() && said(&done).contains("E433"), "{}", said(&done));
+    let two = BAR.replace("steps t", "measure sum_stress_ = stress + 1\nsteps t");
+    folder.write("bar.wfl", two);
+    let done = folder.wfl(&["run", "bar.wfl", "--gradient", "sum(stress), sum_stress_", "--with", "field", "k"]);
+    assert!(!done.status.success() && said(&done).contains("gradient_sum_stress__by_k.csv"), "{}", said(&done));
+}

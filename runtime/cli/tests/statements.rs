@@ -75,7 +75,24 @@ const CASES: &[(&str, &str, &[&str])] = &[
     ("fix u = [0,0] on west\noutput vtk \"a\" : u, 2*u as u", "E433", &["called `u`"]),
     ("fix u = [0,0] on west\noutput vtk \"a\" : u(1) as part", "E433", &["`part` is the number of the body"]),
     ("fix u = [0,0] on west\noutput csv \"a\" : u(1) as part along [0,0] to [1,0]", "", &[]),
-    ("fix u = [0,0] on west\noutput csv \"Measures\" : u along [0,0] to [1,0]", "E433", &["that of the measures"]),
+    ("fix u = [0,0] on west\noutput csv \"Measures\" : u along [0,0] to [1,0]", "E433", &["the table of the measures"]),
+    // files of one output that another result of the run has, too
+    (
+        "fix u = [0,0] on west\noutput csv \"measures\" : u at [0,0]",
+        "E433",
+        &["the series of", "table of the measures"],
+    ),
+    ("fix u = [t,0] on west\nsteps t = 0 to 1 by 0.5\noutput csv \"measures\" : u along [0,0] to [1,0]", "", &[]),
+    (
+        "fix u = [t,0] on west\nsteps t = 0 to 1 by 0.5\noutput csv \"a\" : u along [0,0] to [1,0]\noutput csv \"a_0099\" : u at [0,0]",
+        "E433",
+        &["`a_0099.csv`", "the tables of the steps", "the first one"],
+    ),
+    (
+        "fix u = [0,0] on west\noutput csv \"a\" : u along [0,0] to [1,0]\noutput csv \"a_0001\" : u at [0,0]\noutput vtk \"a\" : u",
+        "",
+        &[],
+    ),
     // a measure at a point
     ("fix u = [0,0] on west\nmeasure m = value(u(1)) at [0.5,0.25]", "", &[]),
     ("fix u = [0,0] on west\nmeasure m = value(sigma(u)(1,1)*Normal(1)) at [1,0.3]", "", &[]),
@@ -311,6 +328,27 @@ fn series_and_files_over_time() {
     assert_eq!(times("a.pvd"), [0.0, 0.25, 0.5, 0.75, 1.0]);
     let late = times("b.pvd");
     assert!(late[0] == 0.0 && late.len() > 2 && late[1..].iter().all(|t| *t > 0.6), "{late:?}");
+}
+
+/// A series over the steps has rows where a length of the step variable says, as other files have steps, and is one file.
+#[test]
+fn a_series_has_rows_at_multiples_of_a_length() {
+    let folder = Folder::new("every_length");
+    let scene = "mesh box [0] to [1] cells [1]\nparam tau = 0.3\nunknown u : scalar\n\
+        term f on all : (Dot_u + u - sin(t))*Test_u\nsteps t = 0 to 2 by auto with first=1e-3, error=1e-3\n\
+        output csv \"p\" every tau : u at [0.5]\n";
+    let (output, text) = folder.run(scene, &["--out", "o"]);
+    assert!(output.status.success(), "{text}");
+    let table = std::fs::read_to_string(folder.0.join("o/p.csv")).expect("a file");
+    let times: Vec<f64> =
+        table.lines().skip(1).map(|l| l.split(',').next().and_then(|x| x.parse().ok()).expect("a number")).collect();
+    let wanted = [0.0, 0.3, 0.6, 0.9, 1.2, 1.5, 1.8, 2.0];
+    assert_eq!(times.len(), wanted.len(), "{times:?}");
+    assert!(times.iter().zip(wanted).all(|(t, w)| (t - w).abs() < 1e-12), "{times:?}");
+    let told = folder.wfl(&["check", "s.wfl", "--json"]);
+    let told: serde_json::Value = serde_json::from_slice(&told.stdout).expect("JSON");
+    assert_eq!(told["outputs"][0]["files"], 1, "{told}");
+    assert!(told["outputs"][0]["about_MB"].as_f64().is_some_and(|mb| mb > 0.0), "{told}");
 }
 
 /// Each equation is solved to its own rounding, whatever the size of the others: coefficients from 1e-30 to 1e30.

@@ -35,7 +35,7 @@ fn each_bad_file_has_one_message_with_its_line_and_what_to_do() {
         ("short", b"t,q\n0,0\n1\n", "line 3: 1 cell, the first line has 2"),
         ("semicolons", b"t;q\n0;0\n1;2\n", "line 1: the cells are separated by `;`"),
         ("tabs", b"t\tq\n0\t0\n1\t2\n", "line 1: the cells are separated by a tab"),
-        ("unit", b"t [s],q [M Pa]\n0,0\n1,2\n", "line 1: column 2: its unit cannot be read"),
+        ("unit", b"t [s],q [J/kg K]\n0,0\n1,2\n", "line 1: column 2: its unit cannot be read"),
         ("binary", b"t,q\n0,0\n1,\0\n", "cannot read \"h.csv\": it is a binary file"),
         ("coding", b"t,q\n0,0 # \xe9\n1,1\n", "cannot read \"h.csv\": it is not UTF-8 text"),
     ];

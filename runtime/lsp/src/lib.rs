@@ -14,6 +14,7 @@ mod features;
 mod files;
 mod lines;
 mod places;
+mod renamed;
 mod requests;
 mod server;
 mod state;

@@ -152,6 +152,41 @@ fn a_name_is_changed_everywhere_or_not_at_all() {
     e.close();
 }
 
+/// A name is not changed where a word would then mean something else: a parameter of a macro would take it, or be taken.
+#[test]
+fn a_name_that_would_change_the_meaning_is_refused() {
+    let mut e = Editor::new("capture");
+    let scene = "wfl 1\nparam E = 10\nmesh box [0] to [1] cells [4]\nregion left = faces where x == 0\n\
+        unknown u : scalar\ndef sig(w, a) = a*E*Grad_w\nterm el on all : sig(u, 2).Grad_Test_u\nfix u = 0 on left\n\
+        load u = 1 on all\nmeasure m = integral(u) on all\nevent e = m > 0.01\nexpect e_count == 1\n";
+    e.open("s.wfl", scene);
+    let uri = e.uri("s.wfl");
+    for (needle, by, new, why) in [
+        ("param E", 6, "a", "`E` on line 6 of s.wfl would be another one: parameter of a def"),
+        ("param E", 6, "w", "parameter of a def"),
+        ("w, a)", 3, "E", "would be another one"),
+        ("w, a)", 3, "w", "declared already"),
+        ("param E", 6, "y", "a coordinate"),
+        ("unknown u", 8, "x", "a coordinate"),
+        ("param E", 6, "timestep", "built in"),
+        ("param E", 6, "e_count", "would be another one"),
+        ("event e", 6, "begin", "e_count"),
+    ] {
+        let position = e.at("s.wfl", needle, by);
+        let named = json!({"textDocument": {"uri": uri}, "position": position, "newName": new});
+        let told = e.refused("textDocument/rename", named);
+        assert!(told.contains(why), "{needle} {new}: {told}");
+    }
+    for (needle, by, new) in [("param E", 6, "y2"), ("w, a)", 0, "u"), ("def sig", 4, "sigma_of"), ("term el", 5, "m")]
+    {
+        let position = e.at("s.wfl", needle, by);
+        let named = json!({"textDocument": {"uri": uri}, "position": position, "newName": new});
+        let changes = e.ask("textDocument/rename", named)["changes"].clone();
+        assert!(e.changed("s.wfl", &changes[uri.as_str()]).contains(new), "{new}");
+    }
+    e.close();
+}
+
 #[test]
 fn what_can_stand_at_the_cursor_is_offered() {
     let mut e = with_fault("complete");

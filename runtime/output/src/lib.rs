@@ -42,7 +42,7 @@ pub use line::LineSample;
 pub use locate::Located;
 pub use lock::abandon;
 pub use manifest::{Kind, MANIFEST_FILE, State};
-pub use names::{Plan, check_name, part_name, part_of, step_name};
+pub use names::{Names, Plan, check_name, part_name, part_of, step_name};
 pub use ordered::OrderedMap;
 pub use parts::sources;
 pub use piece::{Item, PieceError, SampledPiece, array, split_as, vtk_cell};

@@ -125,6 +125,55 @@ fn writer_of(name: &str) -> Option<&str> {
     (is_number(process) && is_number(count)).then_some(process)
 }
 
+/// Names of files that one result is written under.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Names {
+    /// A single one.
+    One(String),
+    /// One for each step: grids (`vtu`), also in parts, or tables (`csv`).
+    Steps {
+        /// What stands before the number of the step.
+        base: String,
+        /// How they end.
+        extension: &'static str,
+    },
+}
+
+impl Names {
+    /// A name that is one of both, of any step, and whether that is so only where the case of letters does not count, as on
+    /// some systems.
+    #[must_use]
+    pub fn shared_with(&self, other: &Self) -> Option<(String, bool)> {
+        let is_exact = self.meets(other);
+        if !is_exact && !self.lower().meets(&other.lower()) {
+            return None;
+        }
+        let name = match (self, other) {
+            (Self::One(name), _) | (_, Self::One(name)) => name.clone(),
+            (Self::Steps { base, extension }, _) => step_name(base, 0, extension),
+        };
+        Some((name, !is_exact))
+    }
+
+    fn meets(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::One(name), Self::Steps { base, extension }) | (Self::Steps { base, extension }, Self::One(name)) => {
+                let of_grid = || *extension == "vtu" && grid_step_of(name, base).is_some();
+                step_of(name, base, extension).is_some() || of_grid()
+            }
+            // of two names of steps the bases are what stands before the last number
+            (a, b) => a == b,
+        }
+    }
+
+    fn lower(&self) -> Self {
+        match self {
+            Self::One(name) => Self::One(name.to_lowercase()),
+            Self::Steps { base, extension } => Self::Steps { base: base.to_lowercase(), extension },
+        }
+    }
+}
+
 /// Names that a writer is going to use.
 #[derive(Clone, Debug, Default)]
 pub struct Plan {
@@ -206,6 +255,36 @@ mod tests {
         }
         assert_eq!(grid_step_of("u_0003.pvtu", "u"), Some(3));
         assert_eq!((grid_step_of("u.pvd", "u"), grid_step_of("uu_0003.p0000.vtu", "u")), (None, None));
+    }
+
+    #[test]
+    fn names_of_steps_meet_single_ones_of_any_step_and_case() {
+        let one = |name: &str| Names::One(name.to_owned());
+        let steps = |base: &str, extension| Names::Steps { base: base.to_owned(), extension };
+        let meet = |a: &Names, b: &Names| {
+            assert_eq!(a.shared_with(b).is_some(), b.shared_with(a).is_some(), "{a:?} {b:?}");
+            a.shared_with(b)
+        };
+        for (a, b, name, by_case) in [
+            (one("Measures.csv"), one("measures.csv"), "Measures.csv", true),
+            (one("a_0001.csv"), steps("a", "csv"), "a_0001.csv", false),
+            (one("A_0001.csv"), steps("a", "csv"), "A_0001.csv", true),
+            (one("g_12345.vtu"), steps("g", "vtu"), "g_12345.vtu", false),
+            (one("g_0001.p0000.vtu"), steps("g", "vtu"), "g_0001.p0000.vtu", false),
+            (steps("a", "csv"), steps("A", "csv"), "a_0000.csv", true),
+        ] {
+            assert_eq!(meet(&a, &b), Some((name.to_owned(), by_case)), "{a:?} {b:?}");
+        }
+        for (a, b) in [
+            (one("a.csv"), one("a.pvd")),
+            (one("a.csv"), steps("a", "csv")),
+            (one("a_001.csv"), steps("a", "csv")),
+            (one("a_0001.csv"), steps("a", "vtu")),
+            (steps("a_0001", "csv"), steps("a", "csv")),
+            (steps("a", "vtu"), steps("a", "csv")),
+        ] {
+            assert_eq!(meet(&a, &b), None, "{a:?} {b:?}");
+        }
     }
 
     #[test]

@@ -72,6 +72,7 @@ mod tables;
 mod terms;
 mod twice;
 mod weights;
+mod written;
 mod zero_loads;
 
 use std::{
@@ -143,6 +144,7 @@ pub use states::StateUpdate;
 pub use tables::TablesOf;
 pub use terms::Origin;
 pub use terms::RuleChoice;
+pub use written::shared_beside;
 
 /// A quantity printed and reported at each step.
 pub struct Measure {
@@ -319,6 +321,18 @@ impl Scene {
     #[must_use]
     pub fn place_of_term(&self, name: &str) -> Option<Span> {
         self.terms.iter().find(|term| term.name == name).map(|term| term.span)
+    }
+
+    /// Whether a run of it has a table of measures: its own, those made of others, energies.
+    #[must_use]
+    pub fn has_measures(&self) -> bool {
+        !(self.measures.is_empty() && self.computed.is_empty() && self.energy.is_none())
+    }
+
+    /// How often files of its outputs are written, in the order of grids, tables of steps and series.
+    pub fn cadences(&self) -> impl Iterator<Item = &Cadence> {
+        let tables = self.csv.iter().chain(&self.series).map(|output| &output.every);
+        self.vtk.iter().map(|output| &output.every).chain(tables)
     }
 
     /// Asks callers who give values anew: a run depends on no other one.

@@ -33,7 +33,7 @@ use wfl_discrete::{
     value::Value,
 };
 use wfl_mesh::mesh::{CellId, SupportSet};
-use wfl_output::{LineSample, Located, MEASURES_FILE, OutputError, PART, SampledPiece, check_name, step_name};
+use wfl_output::{LineSample, Located, OutputError, PART, SampledPiece, check_name, step_name};
 
 use crate::{
     Cadence, Every, Parts, Steps,
@@ -41,6 +41,7 @@ use crate::{
     jumps,
     mappings::{Mappings, refused},
     terms::Rules,
+    written,
 };
 
 /// A VTU series.
@@ -347,27 +348,13 @@ impl OutputMaker<'_> {
         }
     }
 
-    /// E433 for files of one name, also where only the case of letters tells them apart: some systems have one file for
-    /// both; and for two quantities of one name in a file.
+    /// E433 for files of one name, and for two quantities of one name in a file.
     fn names(&mut self) {
-        let outputs = &self.parts.script.outputs;
-        for (k, output) in outputs.iter().enumerate() {
-            let name = (output.format.name.as_str(), output.file.to_lowercase());
-            let same = |o: &&wfl::Output| (o.format.name.as_str(), o.file.to_lowercase()) == name;
-            if let Some(first) = outputs[..k].iter().find(same) {
-                let d =
-                    Diagnostic::new(Code::E433, format!("two outputs write the {} files of `{}`", name.0, output.file));
-                let text = if first.file == output.file { "" } else { "some systems take both names for one" };
-                self.diagnostics.push(d.at(output.span, text).at(first.span, "the first one"));
-            }
-            let measures = !self.parts.script.measures.is_empty() && self.parts.script.steps.is_none();
-            if measures && name.0 == "csv" && format!("{}.csv", name.1) == MEASURES_FILE {
-                let text = format!("the file `{}.csv` is that of the measures of the run", output.file);
-                let d = Diagnostic::new(Code::E433, text).at(output.span, "");
-                self.diagnostics.push(d.help("another name"));
-            }
+        let several = self.steps.is_none_or(Steps::several);
+        self.diagnostics.extend(written::shared(self.parts.script, several));
+        for output in &self.parts.script.outputs {
             for (i, item) in output.items.iter().enumerate() {
-                if item.name == PART && name.0 == "vtk" {
+                if item.name == PART && output.format.name == "vtk" {
                     let text = format!("`{PART}` is the number of the body in a file for viewers");
                     let d = Diagnostic::new(Code::E433, text);
                     self.diagnostics.push(d.at(item.span, "").help("u as share gives a quantity another name"));

@@ -180,7 +180,7 @@ pub(super) fn plan(scene: &Scene) -> Plan {
     let mesh = &scene.system.mesh;
     let (grids, parts) = mesh.part_of_whole().map_or(("vtu", 0), |part| ("pvtu", part.team().size()));
     let mut plan = Plan { files: vec![REPORT_FILE.to_owned()], series: Vec::new(), parts };
-    if !scene.measures.is_empty() {
+    if scene.has_measures() {
         plan.files.push(MEASURES_FILE.to_owned());
     }
     plan.files.extend(tables_over_time(scene).into_iter().map(|table| table.name));

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use wfl_host::input::{InputKind, read_input};
-use wfl_output::{Identity, Kind, MEASURES_FILE, OrderedMap, OutputDir, OutputError, REPORT_FILE, Report, State};
+use wfl_output::{Identity, Kind, MEASURES_FILE, OrderedMap, OutputDir, OutputError, Plan, REPORT_FILE, Report, State};
 use wfl_problem::Scene;
 use wfl_sparse::solve::{Linked, Precision};
 
@@ -42,24 +42,26 @@ pub(super) fn identity(scene: &Scene, options: &RunOptions) -> Identity {
 /// [`RunError::Output`] for a folder that cannot be used, or that has files of others under the names of results.
 pub fn may_begin(scene: &Scene, out: &Path, more: &[&str]) -> Result<(), RunError> {
     let dir = OutputDir::open(out)?;
-    spares_inputs(scene, &dir)?;
     let mut plan = files::plan(scene);
     plan.files.extend(more.iter().map(|name| (*name).to_owned()));
+    spares_inputs(scene, &dir, &plan)?;
     Ok(dir.may_begin(Kind::Run, &plan)?)
 }
 
 /// Begins a run in a folder.
 pub(super) fn begin(scene: &Scene, identity: &Identity, dir: &OutputDir) -> Result<(), RunError> {
-    spares_inputs(scene, dir)?;
-    dir.begin(Kind::Run, identity, &files::plan(scene))?;
+    let plan = files::plan(scene);
+    spares_inputs(scene, dir, &plan)?;
+    dir.begin(Kind::Run, identity, &plan)?;
     // of an earlier run: this one does not continue it
     remove_checkpoint(dir)
 }
 
 /// Goes on with a run in its folder.
 pub(super) fn go_on(scene: &Scene, dir: &OutputDir) -> Result<(), RunError> {
-    spares_inputs(scene, dir)?;
-    Ok(dir.go_on(Kind::Run, &files::plan(scene))?)
+    let plan = files::plan(scene);
+    spares_inputs(scene, dir, &plan)?;
+    Ok(dir.go_on(Kind::Run, &plan)?)
 }
 
 /// The checkpoint that a run continues; empty at the beginning.
@@ -122,8 +124,7 @@ fn same(identity: &Identity, former: &Identity, dir: &OutputDir) -> Result<(), C
 }
 
 /// Whether no result has the place of a file that the scene reads.
-fn spares_inputs(scene: &Scene, dir: &OutputDir) -> Result<(), OutputError> {
-    let plan = files::plan(scene);
+fn spares_inputs(scene: &Scene, dir: &OutputDir, plan: &Plan) -> Result<(), OutputError> {
     let Ok(folder) = dir.path().canonicalize() else { return Ok(()) };
     for input in &scene.inputs {
         let Ok(file) = input.path.canonicalize() else { continue };

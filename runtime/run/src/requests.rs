@@ -73,11 +73,10 @@ impl Run {
 
     /// Where a step behind a value of the step variable has to end at the latest.
     fn stop(&self, scene: &Scene, at: f64) -> f64 {
-        let cadences = scene.vtk.iter().map(|o| &o.every).chain(scene.csv.iter().map(|o| &o.every));
         let corner = scene.tables.corners.get(scene.tables.corners.partition_point(|c| *c <= at)).copied();
         // what lies within rounding of a corner is met there
         let is_apart = |t: &f64| corner.is_none_or(|c| (t - c).abs() > scene.tables.forcing.same());
-        let met = cadences.filter_map(|c| c.next_met(at, &scene.steps)).filter(is_apart).chain(corner);
+        let met = scene.cadences().filter_map(|c| c.next_met(at, &scene.steps)).filter(is_apart).chain(corner);
         met.fold(scene.steps.last(), f64::min)
     }
 

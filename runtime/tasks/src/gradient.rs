@@ -46,12 +46,16 @@ fn grid_file(field: &str) -> String {
     format!("gradient_by_{field}.vtu")
 }
 
-/// The files that derivatives are written to.
+/// The files that derivatives are written to, each with what is in it.
 #[must_use]
-pub fn files(request: &Request) -> Vec<String> {
-    let of_fields = request.results.iter().flat_map(|r| request.fields.iter().map(|f| field_file(&r.name, f)));
-    let grids = request.fields.iter().map(|f| grid_file(f));
-    std::iter::once(GRADIENT_FILE.to_owned()).chain(of_fields).chain(grids).collect()
+pub fn files(request: &Request) -> Vec<(String, String)> {
+    let of_field = |result: &str, field: &String| {
+        (field_file(result, field), format!("the derivatives of `{result}` in the field `{field}`"))
+    };
+    let of_fields = request.results.iter().flat_map(|r| request.fields.iter().map(move |f| of_field(&r.name, f)));
+    let grids = request.fields.iter().map(|f| (grid_file(f), format!("the grid of derivatives in the field `{f}`")));
+    let table = (GRADIENT_FILE.to_owned(), "the table of derivatives".to_owned());
+    std::iter::once(table).chain(of_fields).chain(grids).collect()
 }
 
 /// Names of derivatives with their numbers: `Fn_by_E`, `Fn_by_g(2)` of a parameter of several numbers.

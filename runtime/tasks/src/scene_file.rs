@@ -15,7 +15,7 @@ use wfl::{
     ast::{Place, Rank, Space},
     parse_expr, resolve,
 };
-use wfl_adapt::knobs::{self, OF_STATEMENTS};
+use wfl_adapt::knobs::{self, KnobError, OF_STATEMENTS};
 use wfl_compiler::backend::KernelBackend;
 use wfl_discrete::pruning::Pruning;
 use wfl_host::{
@@ -337,11 +337,17 @@ fn with_knobs(words: &[String], read: impl Fn(&[String]) -> Result<Loaded, Strin
         (params, knobs) = words.iter().cloned().partition(|word| !is_knob(word) || named(&loaded, word));
         loaded = read(&params)?;
     }
-    let setting: Vec<(String, String)> = knobs
-        .iter()
-        .filter_map(|word| word.split_once('=').map(|(n, v)| (n.trim().to_owned(), v.trim().to_owned())))
-        .collect();
-    knobs::apply(&mut loaded.script, &setting, &[], &[]).map_err(|why| why.to_string())?;
+    let named = |words: &[String]| -> Vec<(String, String)> {
+        let one = |word: &String| word.split_once('=').map(|(n, v)| (n.trim().to_owned(), v.trim().to_owned()));
+        words.iter().filter_map(one).collect()
+    };
+    let (setting, given) = (named(&knobs), named(&params));
+    let names: Vec<String> = given.iter().map(|(name, _)| name.clone()).collect();
+    let all = [setting.as_slice(), given.as_slice()].concat();
+    knobs::apply(&mut loaded.script, &all, &names, &[]).map_err(|why| match why {
+        KnobError::Twice(_) => format!("[{}]: {why}", Code::E209),
+        why => why.to_string(),
+    })?;
     let rounds = rounds_of(&setting)?;
     Ok(Loaded { knobs, rounds, ..loaded })
 }

@@ -201,6 +201,8 @@ impl<'t> Causes<'t> {
             }
             // a balance of a field that is no scalar, where its terms are told
             Code::E462 => self.heads.values().flatten().any(|code| SHAPES.contains(code)),
+            // a rate that no term has, where a term cannot be read
+            Code::E454 | Code::E457 => self.any(&["term", "energy", "def"], &[code]),
             Code::E414 => own(&[Code::E201]),
             Code::E452 => own(&[Code::E457]),
             code if PLACES.contains(&code) => self.explains_places(code, place),

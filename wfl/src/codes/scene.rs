@@ -220,9 +220,11 @@ pages! {
     ),
     page(
         E433,
-        "two outputs with one name",
-        "Files with one name would replace each other, and so would quantities with one name in a file. On some \
-         systems names that differ only in upper and lower case are the same.",
+        "two results with one name",
+        "Files with one name would replace each other, and so would quantities with one name in a file. A run has files \
+         of its own: `measures.csv` where there are measures, `gradient.csv` and others where derivatives are asked for, \
+         and for each step `NAME_0000.csv` or `NAME_0000.vtu`. On some systems names that differ only in upper and lower \
+         case are the same.",
         "output vtk \"plate\" : u\noutput vtk \"Plate\" : Grad_u as strain",
         "output vtk \"plate\" : u\noutput vtk \"strains\" : Grad_u as strain",
     ),
@@ -479,7 +481,8 @@ pages! {
         E502,
         "a unit that is not known",
         "Units are SI units with their prefixes (N, Pa, J, W, g, m, s, K, A, mol) and a few others: bar, psi, t, L, in, \
-         ft, min, h, day, year, rad, deg, degC. A product is written with `*`, `/` and whole powers.",
+         ft, min, h, day, year, rad, deg, degC. A product is written with a blank or `*`, a quotient with `/`, and \
+         powers are whole.",
         "param E = 2e5 [MPaa]",
         "param E = 2e5 [MPa]",
     ),

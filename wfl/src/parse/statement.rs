@@ -360,11 +360,21 @@ impl Reader<'_> {
         let span = self.span(&pair);
         let mut factors: Vec<(String, i32)> = Vec::new();
         let mut places = Vec::new();
-        let mut sign = 1;
+        // a blank between factors is `*`, but behind a `/` it can be read in two ways
+        let (mut sign, mut divided, mut behind_op) = (1, false, true);
         for part in self.parts(pair) {
             if part.as_rule() == Rule::unit_op {
                 sign = if part.as_str() == "/" { -1 } else { 1 };
+                (divided, behind_op) = (divided || sign < 0, true);
                 continue;
+            }
+            if !behind_op && divided {
+                let d = Diagnostic::new(Code::E113, "a blank behind `/` can be read in two ways");
+                let d = d.at(self.span(&part), "multiplied, or divided by?");
+                return Err(Box::new(d.help("[J/kg/K] divides by both, [J/kg*K] by the one behind `/`")));
+            }
+            if !std::mem::take(&mut behind_op) {
+                sign = 1;
             }
             let mut p = self.open(part);
             let base = p.next();

@@ -129,6 +129,13 @@ fn statements_carry_what_they_say() {
     let ItemKind::Multiplier { space, options, .. } = &found[5].kind else { panic!("{:?}", found[5]) };
     let unit = space.unit.as_ref().unwrap();
     assert_eq!(unit.factors, [("MPa".to_owned(), 1), ("mm".to_owned(), -2), ("s".to_owned(), -1)]);
+    // a blank is `*`
+    let (blanks, codes) = items("param a = 1 [N  mm^2/s]\nparam b = 1 [kg/m/s^2]\n");
+    let of = |item: &Item| match &item.kind {
+        ItemKind::Param { unit: Some(unit), .. } => unit.factors.iter().map(|(n, p)| format!("{n}{p} ")).collect(),
+        _ => String::new(),
+    };
+    assert_eq!((codes.as_str(), of(&blanks[0]), of(&blanks[1])), ("", "N1 mm2 s-1 ".into(), "kg1 m-1 s-2 ".into()));
     assert_eq!(space.element.as_ref().unwrap().name, "P2");
     assert!(matches!(&options[0].value, Some(OptionValue::Expr(e)) if show(e) == "keep"));
     let ItemKind::Unknown { space, .. } = &found[6].kind else { panic!("{:?}", found[6]) };
@@ -299,6 +306,15 @@ fn usual_slips_have_messages_of_their_own() {
             ["E113", "`if` inside a larger expression needs parentheses", "if", "(if condition then a else b)"],
         ),
         ("expect a", ["E122", "a number stands where a condition is needed", "a", "compare it: a < b, a == b"]),
+        (
+            "unknown u : scalar [J/kg K]",
+            [
+                "E113",
+                "a blank behind `/` can be read in two ways",
+                "K",
+                "[J/kg/K] divides by both, [J/kg*K] by the one behind `/`",
+            ],
+        ),
         ("unknown u : scalar [m^300]", ["E120", "the power `300` of a unit is too large", "300", ""]),
     ] {
         assert_eq!(error(text), expected.map(str::to_owned), "{text}");

@@ -413,7 +413,8 @@ pub(super) const ROWS: &[StatementRow] = &[
         word: "output",
         usage: "`output ... \"name\" every yr : ...`",
         meaning: "a file for the first step in each length `yr` of the step variable: `yr` is a parameter with a unit, or \
-                  any parameter where the run chooses the steps, which then end at these values",
+                  any parameter where the run chooses the steps, which then end at these values; of a series over the steps \
+                  (`at`) the rows of these steps",
         default: "",
     },
     StatementRow {

@@ -1,4 +1,4 @@
-//! A name gets another one in all files of all scenes that know it.
+//! A name gets another one in all files of all scenes that know it, if they mean the same with it.
 
 use std::{collections::BTreeMap, path::PathBuf};
 
@@ -10,9 +10,13 @@ use crate::{
     features::navigate::key_at,
     lines::Lines,
     places,
+    renamed::Renaming,
     symbols::Key,
     view::{Refused, View},
 };
+
+/// Words with a value of their own wherever there are positions.
+const COORDINATES: [&str; 3] = ["x", "y", "z"];
 
 /// The range of the name under the cursor, without prefixes, if it can get another name.
 pub(crate) fn prepare(view: &View<'_>, position: Position) -> Result<Option<PrepareRenameResponse>, Refused> {
@@ -49,12 +53,15 @@ pub(crate) fn rename(view: &View<'_>, position: Position, new: &str) -> Result<O
     if let Some(clash) = clash {
         return Err(Refused::new(clash));
     }
+    for found in texts.values_mut() {
+        found.places.sort_unstable();
+        found.places.dedup();
+    }
+    means_the_same(view, &key, new, &texts)?;
     // addresses compare by their text; the map is the one of the protocol
     #[expect(clippy::mutable_key_type, reason = "the protocol keys changes by address")]
     let mut changes = std::collections::HashMap::new();
-    for (path, Found { lines, text, mut places }) in texts {
-        places.sort_unstable();
-        places.dedup();
+    for (path, Found { lines, text, places }) in texts {
         let edit =
             |(start, end): (usize, usize)| TextEdit { range: lines.range(&text, start, end), new_text: new.to_owned() };
         if !places.is_empty()
@@ -64,6 +71,26 @@ pub(crate) fn rename(view: &View<'_>, position: Position, new: &str) -> Result<O
         }
     }
     Ok(Some(WorkspaceEdit { changes: Some(changes), ..WorkspaceEdit::default() }))
+}
+
+/// Refuses a name with which a word of some scene would mean something else.
+fn means_the_same(view: &View<'_>, key: &Key, new: &str, texts: &BTreeMap<PathBuf, Found>) -> Result<(), Refused> {
+    let places = texts.iter().map(|(path, found)| (path.clone(), found.places.clone())).collect();
+    let renaming = Renaming { key, new, places: &places };
+    let mut changed = None;
+    let mut look = |analysis: &Analysis| {
+        if changed.is_none() {
+            changed = renaming.changes(analysis, &view.state.files.open);
+        }
+    };
+    match key {
+        Key::Local(..) => look(view.analysis),
+        _ => view.state.each_scene_with(&view.root, key, &mut look),
+    }
+    match changed {
+        Some(why) => Err(Refused::new(format!("with `{new}` the scene would mean something else: {why}"))),
+        None => Ok(()),
+    }
 }
 
 /// A text with the places of a name.
@@ -99,7 +126,7 @@ fn is_name(key: &Key, new: &str) -> Result<(), Refused> {
     let taken = match key {
         Key::Region(_) => REGIONS.contains(&new).then(|| "built in".to_owned()),
         Key::Term(_) => None,
-        _ => reserved(new),
+        _ => reserved(new).or_else(|| COORDINATES.contains(&new).then(|| "a coordinate".to_owned())),
     };
     let taken = taken.or_else(|| is_keyword(new).then(|| "a word of the language".to_owned()));
     match taken {

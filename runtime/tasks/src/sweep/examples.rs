@@ -299,7 +299,7 @@ work: a factor below 2 between two times is not significant.
 ";
 
 fn section(part: &Part, job: &Job<'_>, rows: &[Row]) -> String {
-    let failed = rows.iter().filter(|r| r.text("status") != "ok").count();
+    let failed = rows.iter().filter(|r| !r.is_solved()).count();
     let seconds: f64 = rows.iter().filter_map(|r| Some(r.value("time")? * r.value("repeats")?)).sum();
     let first = |column: &str| rows.first().map_or("", |r| r.text(column)).to_owned();
     let mut text = format!("\n## {}\n\n{} {}\n\n", part.title, part.text, settings(rows));
@@ -392,7 +392,7 @@ fn front_of(rows: &[Row], quantity: &str) -> String {
 /// How many runs of each scene failed, with the settings.
 fn failures(rows: &[Row]) -> String {
     let mut text = String::new();
-    for row in rows.iter().filter(|r| r.text("status") != "ok") {
+    for row in rows.iter().filter(|r| !r.is_solved()) {
         let why = row.text("message").lines().next().unwrap_or_default();
         text += &format!("| `{}` | {} | {why} |\n", words(row), row.text("status"));
     }

@@ -64,7 +64,7 @@ pub(super) fn points<'r>(rows: &'r [Row], quantity: &str) -> Vec<Point<'r>> {
     let column = format!("error {quantity}");
     let point = |row: &'r Row| {
         let (error, time) = (row.value(&column)?, row.value("time")?);
-        (row.text("status") == "ok").then_some(Point { row, error, time })
+        row.is_solved().then_some(Point { row, error, time })
     };
     rows.iter().filter_map(point).collect()
 }

@@ -3,16 +3,18 @@
 //! Every run is made in this process with a fresh state, one at a time: times are those of a machine that does nothing
 //! else. Several at once ([`Job::jobs`]) are not timed. A setting that fails stays in the table with its message and
 //! time. A table that is there already is gone on with: its rows are not run again as long as everything that their
-//! scene reads, its reference and the version of the program are the same.
+//! scene reads, its reference and the version of the program are the same; others are taken out, and that is told.
 //!
 //! `lists` reads the words, knobs of the runtime change scenes, `bench` runs a setting, `problem` says which settings
-//! need a reference of their own, `reference` gives errors, `plan` orders the runs, `rows` makes a row of each, `table` keeps the rows; `front` and `page` read nothing but
+//! need a reference of their own, `reference` gives errors, `plan` orders the runs, `kept` says which rows
+//! of an earlier table stay, `rows` makes a row of each, `table` keeps the rows; `front` and `page` read nothing but
 //! these.
 
 mod clock;
 mod convergence;
 mod examples;
 mod front;
+mod kept;
 mod lists;
 mod machine;
 mod page;
@@ -38,6 +40,7 @@ use self::{lists::Knob, reference::Reference, references::reference_file, table:
 use crate::{
     Listener, available_threads,
     bench::{self, Bench, Known},
+    ending::Ending,
     folder::told_later,
     limited_threads,
 };
@@ -88,11 +91,12 @@ struct Against {
     found: Result<usize, String>,
 }
 
-/// Makes the runs that are not in the table yet, and table, page and plots.
+/// Makes the runs that are not in the table yet, and table, page and plots. Gives how its runs ended:
+/// [`Ending::NotConverged`] where one of them has no solution.
 ///
 /// # Errors
 /// In words; what was made is kept.
-pub fn sweep(job: &Job<'_>) -> Result<(), String> {
+pub fn sweep(job: &Job<'_>) -> Result<Ending, String> {
     let (scenes, lists): (Vec<String>, Vec<String>) = job.words.iter().cloned().partition(|w| !w.contains('='));
     if scenes.is_empty() {
         return Err("no scene is given\n  = help: wfl sweep SCENE.wfl gamma=1e4,1e6".to_owned());
@@ -124,8 +128,9 @@ pub fn sweep(job: &Job<'_>) -> Result<(), String> {
         machine: machine::describe(),
     };
     sweep.references(&mut methods, &problems)?;
-    sweep.all(&methods)?;
-    dir.finish(State::Finished).map_err(|e| told_later(&e))
+    let ending = sweep.all(&methods)?;
+    dir.finish(State::Finished).map_err(|e| told_later(&e))?;
+    Ok(ending)
 }
 
 /// The names of the files of a sweep of so many problems.
@@ -182,6 +187,9 @@ fn methods(scenes: &[String], knobs: &[Knob], backend: &dyn KernelBackend) -> Re
     for scene in scenes {
         let path = PathBuf::from(scene);
         let known = bench::known(&path, &[], backend)?;
+        let one = |knob: &Knob| Some((knob.name.clone(), knob.values.first()?.clone()));
+        let setting: Vec<(String, String)> = knobs.iter().filter_map(one).collect();
+        knobs::together(&known.loaded.script, &setting, &known.params).map_err(|e| format!("{scene}: {e}"))?;
         for knob in knobs {
             for value in &knob.values {
                 let setting = [(knob.name.clone(), value.clone())];

@@ -11,7 +11,7 @@ use super::{
         PROBLEM, Point, TRUSTED, WANTED, cheapest, doubt, front, known_points, method, points, problems, quantities,
         source, title, words,
     },
-    table::{Row, write_text},
+    table::{Row, SOLVED, write_text},
 };
 
 /// The name of the page in the folder of a sweep.
@@ -94,13 +94,13 @@ fn chart(quantity: &str, points: &[Point<'_>]) -> Chart {
 }
 
 fn page(rows: &[Row]) -> Page {
-    let failures: Vec<&Row> = rows.iter().filter(|r| r.text("status") != "ok").collect();
+    let failures: Vec<&Row> = rows.iter().filter(|r| r.text("status") != SOLVED).collect();
     let (fields, _) = quantities(rows);
-    let solved = rows.len() - failures.len();
+    let solved = rows.iter().filter(|r| r.is_solved()).count();
     let mut page = Page::new("Accuracy against computing time")
         .lead(format!(
-            "{solved} runs solved, {} failed. Each point is a run; failed runs are listed below.",
-            failures.len()
+            "{}. Each point is a run; failed runs are listed below.",
+            ended(rows.len() - solved, failures.len() + solved - rows.len(), &format!("{solved} runs solved"))
         ))
         .section(about(rows));
     let mut plots = Section::new("Computing time over error").text(
@@ -135,6 +135,14 @@ fn page(rows: &[Row]) -> Page {
         page = page.section(Section::new("Failures").table(table));
     }
     page.section(Section::new("All runs").table(all(rows, &fields)))
+}
+
+/// How many runs failed, and of how many an expectation does not hold, behind how many there are.
+pub(super) fn ended(failed: usize, not_as_expected: usize, all: &str) -> String {
+    match not_as_expected {
+        0 => format!("{all}, {failed} failed"),
+        n => format!("{all}, {failed} failed, {n} not as the scene expects"),
+    }
 }
 
 fn about(rows: &[Row]) -> Section {

@@ -1,6 +1,7 @@
 //! The runs of a sweep that are not in its table yet: in which order they are made, one by one or several at once.
 
 use std::{
+    collections::BTreeSet,
     path::Path,
     sync::{
         atomic::{AtomicUsize, Ordering},
@@ -15,9 +16,9 @@ use super::{
     Method, Sweep,
     clock::{self, Clock},
     lists, page,
-    table::{self, Row},
+    table::{self, NOT_AS_EXPECTED, Row, SOLVED},
 };
-use crate::{STACK, folder::told_later, limited_threads};
+use crate::{STACK, ending::Ending, folder::told_later, limited_threads};
 
 /// A run that is to be made.
 pub(super) struct Planned<'a> {
@@ -28,8 +29,8 @@ pub(super) struct Planned<'a> {
 }
 
 impl Sweep<'_> {
-    /// All runs that are not in the table yet.
-    pub(super) fn all(&mut self, methods: &[Method]) -> Result<(), String> {
+    /// All runs that are not in the table yet; gives how those of this sweep ended.
+    pub(super) fn all(&mut self, methods: &[Method]) -> Result<Ending, String> {
         let settings = lists::combinations(self.knobs);
         let mut plan: Vec<Planned<'_>> = methods
             .iter()
@@ -44,6 +45,8 @@ impl Sweep<'_> {
             let timed = |r: &Row| r.value("time").is_some();
             self.rows.retain(|r| timed(r) || plan.iter().all(|p| p.key != r.text("key")));
         }
+        let others = self.drop_others(methods, &plan);
+        let keys: BTreeSet<String> = plan.iter().map(|p| p.key.clone()).collect();
         plan.retain(|p| self.rows.iter().all(|r| r.text("key") != p.key));
         let all = methods.len() * settings.len();
         self.job.listener.progress(&format!("{} runs, {} of them already in the table", all, all - plan.len()));
@@ -70,12 +73,11 @@ impl Sweep<'_> {
         self.rows = before.into_iter().chain(made.into_iter().flatten()).collect();
         table::write(self.dir, &self.rows).map_err(|e| told_later(&e))?;
         page::write(self.dir, &self.rows).map_err(|e| told_later(&e))?;
-        let bad = self.rows.iter().filter(|r| r.text("status") != "ok").count();
         let page = self.job.out.join(page::PAGE_FILE);
         self.job.listener.result(&page::markdown(&self.rows));
-        let told = format!("\n{} rows, {bad} failed; {}\n{}", self.rows.len(), page.display(), without(methods));
+        let told = format!("\n{}; {}\n{}{}", counts(&self.rows), page.display(), dropped(others), without(methods));
         self.job.listener.result(&told);
-        Ok(())
+        Ok(ending(self.rows.iter().filter(|r| keys.contains(r.text("key")))))
     }
 
     fn jobs(&self) -> usize {
@@ -127,6 +129,37 @@ impl Sweep<'_> {
     }
 }
 
+/// How many rows there are, and how many are not as they should be.
+fn counts(rows: &[Row]) -> String {
+    let failed = rows.iter().filter(|r| !r.is_solved()).count();
+    let not_as_expected = rows.iter().filter(|r| r.text("status") == NOT_AS_EXPECTED).count();
+    page::ended(failed, not_as_expected, &format!("{} rows", rows.len()))
+}
+
+/// What runs ended as, the worst of them.
+fn ending<'r>(rows: impl Iterator<Item = &'r Row>) -> Ending {
+    let mut worst = Ending::Done;
+    for row in rows {
+        if !row.is_solved() {
+            return Ending::NotConverged;
+        }
+        if row.text("status") == NOT_AS_EXPECTED {
+            worst = Ending::NotAsExpected;
+        }
+    }
+    worst
+}
+
+/// What was taken out of the table; nothing where that is nothing.
+fn dropped(others: usize) -> String {
+    let what = "of a scene or inputs that have changed, of another version or against another reference";
+    match others {
+        0 => String::new(),
+        1 => format!("1 row was dropped: {what}\n"),
+        n => format!("{n} rows were dropped: {what}\n"),
+    }
+}
+
 /// Why some problems have no reference.
 fn without(methods: &[Method]) -> String {
     let mut said: Vec<&str> = Vec::new();
@@ -148,7 +181,7 @@ fn line(row: &Row, number: usize, of: usize, left: f64) -> String {
     let error = |name: &str| row.value(&format!("error {name}")).map(|e| format!(", {name} {e:.1e}"));
     let seconds = row.value("time").map_or_else(String::new, |s| format!("{s:.2} s, "));
     let what = match row.text("status") {
-        "ok" => format!("{} iterations{}", row.text("iterations"), error("H1").unwrap_or_default()),
+        SOLVED => format!("{} iterations{}", row.text("iterations"), error("H1").unwrap_or_default()),
         bad => format!("{bad}: {}", row.text("message").lines().next().unwrap_or_default()),
     };
     format!("[{number}/{of}] {scene} {}: {seconds}{what}; about {left:.0} s left", setting.join(" "))

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path, time::Instant};
 
-use wfl_adapt::knobs::{Setting, number};
+use wfl_adapt::knobs::{self, KnobError, Setting, number};
 
 use super::{
     Against, Method, Sweep,
@@ -167,8 +167,17 @@ impl Sweep<'_> {
         setting.push(("degree".to_owned(), degree.max(2).to_string()));
         setting.push(("refine".to_owned(), refine.to_string()));
         for given in lists::knobs(&self.job.reference_knob).map_err(|e| e.to_string())? {
-            setting.retain(|k| k.0 != given.name);
+            // of two that divide the mesh that of the reference counts
+            let divides = |name: &str| knobs::DIVIDING.contains(&name);
+            setting.retain(|k| k.0 != given.name && !(divides(&k.0) && divides(&given.name)));
             setting.extend(given.values.first().map(|v| (given.name.clone(), v.clone())));
+        }
+        // the value of a parameter that divided the mesh has no place left
+        while let Err(KnobError::Replaced { param, .. }) =
+            knobs::together(&known.loaded.script, &setting, &known.params)
+            && problem.iter().all(|k| k.0 != param)
+        {
+            setting.retain(|k| k.0 != param);
         }
         known.apply(&mut known.loaded.script.clone(), &setting)?;
         setting.retain(|(name, value)| name != "refine" || value != "1");

@@ -5,7 +5,15 @@ use wfl_adapt::{
     knobs::Setting,
 };
 
-use super::{Method, Sweep, front::PROBLEM, machine, plan::Planned, reference::Reference, table::Row};
+use super::{
+    Method, Sweep,
+    front::PROBLEM,
+    kept::problem_of_key,
+    machine,
+    plan::Planned,
+    reference::Reference,
+    table::{NOT_AS_EXPECTED, Row, SOLVED},
+};
 use crate::{
     bench::{Run, Status},
     setting_text,
@@ -20,8 +28,8 @@ impl Sweep<'_> {
             None => "none".to_owned(),
         };
         let n = self.job.repeat;
-        let identity = method.known.identity.hash();
-        format!("{} {identity} | {} | {n} | {reference}", method.path.display(), setting_text(setting))
+        let problem = problem_of_key(&method.path.display().to_string(), &method.known.identity.hash());
+        format!("{problem}{} | {n} | {reference}", setting_text(setting))
     }
 
     /// Runs a setting as often as requested.
@@ -121,10 +129,16 @@ fn status(run: &Run, errors: Option<&Result<Vec<(String, f64)>, String>>) -> (&'
             let errors = errors.and_then(|e| e.as_ref().ok()).into_iter().flatten();
             let broken: Vec<&str> =
                 errors.chain(&measures).filter(|v| !v.1.is_finite()).map(|v| v.0.as_str()).collect();
-            if broken.is_empty() {
-                ("ok", String::new())
+            if !broken.is_empty() {
+                return ("not finite", format!("not a finite number: {}", broken.join(", ")));
+            }
+            let expected = run.solved.iter().flat_map(|s| &s.outcome.expectations);
+            // one that reads a derivative is unknown: a sweep makes none
+            let wrong: Vec<&str> = expected.filter(|e| e.1 == Some(false)).map(|e| e.0.text.as_str()).collect();
+            if wrong.is_empty() {
+                (SOLVED, String::new())
             } else {
-                ("not finite", format!("not a finite number: {}", broken.join(", ")))
+                (NOT_AS_EXPECTED, format!("does not hold: expect {}", wrong.join("; expect ")))
             }
         }
     }

@@ -14,6 +14,11 @@ use crate::scene_file::read_text;
 /// The name of the file in the folder of a sweep.
 pub(super) const TABLE_FILE: &str = "sweep.csv";
 
+/// The status of a run with a solution.
+pub(super) const SOLVED: &str = "ok";
+/// The status of a run with a solution for which an expectation of its scene does not hold.
+pub(super) const NOT_AS_EXPECTED: &str = "not as expected";
+
 /// One run: texts by column.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Row(Vec<(String, String)>);
@@ -43,6 +48,11 @@ impl Row {
     /// The number in a column; `None` for no number, also for NaN and infinity.
     pub(super) fn value(&self, column: &str) -> Option<f64> {
         self.text(column).parse().ok().filter(|x: &f64| x.is_finite())
+    }
+
+    /// Whether it has a solution, whatever the scene expects of it.
+    pub(super) fn is_solved(&self) -> bool {
+        [SOLVED, NOT_AS_EXPECTED].contains(&self.text("status"))
     }
 
     /// Names of its columns.
