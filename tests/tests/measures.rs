@@ -59,7 +59,7 @@ fn reductions_may_stand_in_it() {
 #[test]
 fn the_length_of_a_curve_does_not_depend_on_the_terms_there() {
     let ring = "mesh box [0,0] to [1,1] cells [1,4] quad map [(1 + x)*cos(1.5707963267948966*y), \
-                (1 + x)*sin(1.5707963267948966*y)]\nregion outer = faces where x^2 + y^2 > 3.9\nunknown u : scalar P2\n\
+                (1 + x)*sin(1.5707963267948966*y)]\nregion outer = faces where x^2 + y^2 > 3.9\nunknown u : scalar Q2\n\
                 term f on all : u*Test_u - Test_u\nmeasure length = integral(1) on outer\n";
     let length = |more: &str| {
         let solved = solve(&examples(), format!("{ring}{more}"), &[], &[]).unwrap_or_else(|e| panic!("{e}"));

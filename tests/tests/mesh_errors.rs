@@ -106,7 +106,8 @@ const DIVIDED: [(&str, &str); 5] = [
 /// The field would jump at the node, unless each side has an unknown of its own.
 #[test]
 fn a_node_that_hangs_on_a_face_is_an_error_where_one_unknown_is_on_both_sides() {
-    let words = ["E409", "node 7 at [1.0, 0.5] lies on a face of element 10, which has no node there, but element 11 and"];
+    let words =
+        ["E409", "node 7 at [1.0, 0.5] lies on a face of element 10, which has no node there, but element 11 and"];
     refused("hanging", &DIVIDED, &[], &words);
     let apart = [
         ("unknown u : vector", "unknown u : vector on left\nunknown v : vector on right"),
@@ -125,12 +126,17 @@ fn squares_that_touch_with_one_unknown_are_told_unless_something_joins_them() {
         ("$Nodes\n6", "$Nodes\n8"),
         ("6 2 1 0", "6 2 1 0\n7 1 1 0\n8 1 0 0"),
         ("2 3 6 5", "8 3 6 7"),
+        ("2 1 2 1 1 2 3", "2 1 2 1 1 8 3"),
     ];
     let held = ("load u = [1,0] on east", "fix u = [1,0] on east");
-    let words = ["W405", "1 pair of faces of the mesh lies on each other", "element 10 and element 11 around [1.0, 0.5]"];
+    let words =
+        ["W405", "1 pair of faces of the mesh lies on each other", "element 10 and element 11 around [1.0, 0.5]"];
     solved("through", &torn, &[held], &words);
-    let joined = ("load u = [1,0] on east", "fix u = [1,0] on east\nregion fault = interface from left to right\n\
-        term tie on fault : 10*(u - Interpolate(u, neighbor_element)).(Test_u - Interpolate(Test_u, neighbor_element))");
+    let joined = (
+        "load u = [1,0] on east",
+        "fix u = [1,0] on east\nregion fault = interface from left to right\n\
+        term tie on fault : 10*(u - Interpolate(u, neighbor_element)).(Test_u - Interpolate(Test_u, neighbor_element))",
+    );
     solved("joined", &torn, &[joined], &[]);
 }
 

@@ -148,6 +148,7 @@ impl Adaptive {
             let own = if solved { rounding(stepper, scene, u, left) } else { Some(vec![0.0; u.len()]) };
             // a field that is zero but for rounding has no error to be made smaller
             let own = own.map(|own| with_states(own, stepper, scene, u)).unwrap_or_default();
+            let own = self.uncertain(scene, rules, &own);
             errors = self.errors(scene, rules, increment, &solution, &own);
             self.uncertainty.explains = errors.is_some_and(|e| e.largest() < found);
         }

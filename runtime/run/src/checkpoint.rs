@@ -430,6 +430,7 @@ fn adaptive(w: &mut Writer, a: Option<&Adaptive>) {
     w.flag(failed);
     w.numbers(&a.scales);
     w.numbers(&a.left);
+    w.numbers(&a.uncertainty.sizes);
     w.count(a.uncertainty.held);
     w.flag(a.uncertainty.explains);
     w.numbers(&a.past.increments);
@@ -444,7 +445,7 @@ fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
     let [next, allowed, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let control = Control { next, order: r.small()?, last: [allowed, increment], failed: r.flag()? };
     let (scales, left) = (r.numbers()?, r.numbers()?);
-    let uncertainty = Uncertainty { held: r.count()?, explains: r.flag()? };
+    let uncertainty = Uncertainty { sizes: r.numbers()?, held: r.count()?, explains: r.flag()? };
     let past = Past { increments: r.numbers()?, solutions: r.list(Reader::numbers)? };
     Ok(Some(Adaptive { control, past, scales, left, uncertainty }))
 }

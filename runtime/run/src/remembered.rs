@@ -22,8 +22,10 @@ const HOLDS: f64 = 0.2;
 const PATIENCE: usize = 16;
 
 /// When it is asked how much of the errors is no error of the steps, but what rounding and the tolerance of Newton's method leave.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Uncertainty {
+    /// By field what it was the last time.
+    pub(super) sizes: Vec<f64>,
     /// Steps in a row whose errors held the next increment.
     pub(super) held: usize,
     /// The last time it was, at least in part.
@@ -32,7 +34,7 @@ pub(super) struct Uncertainty {
 
 impl Uncertainty {
     /// Of a step with this error, in units of the demanded one.
-    pub(super) fn is_asked(self, error: f64) -> bool {
+    pub(super) fn is_asked(&self, error: f64) -> bool {
         error > 1.0 || error > HOLDS && (self.explains || self.held >= PATIENCE)
     }
 
@@ -100,13 +102,24 @@ impl Adaptive {
         (1..=most).rev().find_map(|order| self.past.extrapolated(increment, order))
     }
 
+    /// By field that counts what rounding and a residual may change of it, which is by dof `own` now; or what they might have changed
+    /// when this was asked last: a point that has stuck for a step, since that is within the tolerance, would seem to be certain.
+    pub(super) fn uncertain(&mut self, scene: &Solving<'_>, rules: &Auto, own: &[f64]) -> Vec<f64> {
+        let of = |range: Range<usize>| own.get(range).unwrap_or_default().iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let mut now: Vec<f64> = ranges(scene, rules).map(of).collect();
+        scene.system.team().max(&mut now);
+        let before = std::mem::replace(&mut self.uncertainty.sizes, now.clone());
+        now.iter_mut().zip(before).for_each(|(now, before)| *now = now.max(before));
+        now
+    }
+
     /// The estimated errors of a solution, relative to the demanded one; `None` where nothing is known of the past.
     ///
     /// What the scheme does not integrate, states among it, counts as a solution of backward Euler; so does everything in
     /// the second step, behind which no parabola is known yet: its error is smaller than that.
     ///
-    /// `rounding` is by dof what rounding may change of the unknowns, or empty: where all that a field has missed is that, it
-    /// has no error.
+    /// `rounding` is by field what rounding may change of it, or empty: where all that a field has missed is that, it has no
+    /// error.
     pub(super) fn errors(
         &self,
         scene: &Solving<'_>,
@@ -123,10 +136,9 @@ impl Adaptive {
         let team = scene.system.team();
         let rates = scene.system.rates();
         let scales = self.scales_of_alike(scene, rules, solution);
-        let mut errors = Errors::default();
+        let (mut errors, mut own) = (Errors::default(), rounding.iter().copied());
         for (field, (range, scale)) in rules.fields.iter().zip(ranges(scene, rules).zip(scales)) {
-            let own = rounding.get(range.clone()).unwrap_or_default();
-            let rounded = ROUNDED * team.largest(own.iter().fold(0.0f64, |m, v| m.max(v.abs())));
+            let rounded = ROUNDED * own.next().unwrap_or(0.0);
             let error = |order: usize, method: f64| {
                 let missed = team.largest(distance(solution, &expected[order - 1], range.clone(), scale));
                 let missed = if missed * scale <= rounded { 0.0 } else { missed };

@@ -7,7 +7,6 @@ use super::{
     CellKind, Mesh,
     error::MeshError,
     index::{FacetRef, NodeId},
-    topology::Facet,
 };
 use crate::{
     cell::facet_correspondences,
@@ -20,20 +19,23 @@ const SAME_PLACE: f64 = 1e-6;
 /// ... and within this part of their coordinates: far from the origin numbers are no finer.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
-/// Refuses the first facet whose cells lie on one side of it, or have other middle nodes on it at other places.
+/// Refuses the first facet, given as both of its cells see it, whose cells lie on one side of it, or have other middle nodes
+/// on it at other places.
 ///
 /// # Errors
 /// [`MeshError::FoldedOver`] and [`MeshError::MiddleNodes`].
-pub(super) fn refuse_one_sided(mesh: &Mesh, facets: &[Facet]) -> Result<(), MeshError> {
-    for facet in facets {
-        let Some(there) = facet.there else { continue };
+pub(super) fn refuse_one_sided(
+    mesh: &Mesh,
+    facets: impl Iterator<Item = (FacetRef, FacetRef)>,
+) -> Result<(), MeshError> {
+    for (here, there) in facets {
         let name = |facet: FacetRef| mesh.numbers().cell(facet.cell);
-        let (first, second) = (name(facet.here), name(there));
-        if !on_two_sides(mesh, facet.here, there) {
+        let (first, second) = (name(here), name(there));
+        if !on_two_sides(mesh, here, there) {
             return Err(MeshError::FoldedOver { first, second });
         }
         if mesh.order() > 1
-            && let Some(node) = middle_of_one(mesh, facet.here, there)
+            && let Some(node) = middle_of_one(mesh, here, there)
         {
             let node = mesh.numbers().node(node);
             return Err(MeshError::MiddleNodes { first, second, node });

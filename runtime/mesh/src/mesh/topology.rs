@@ -83,7 +83,7 @@ impl Topology {
         topology.fill_buckets(mesh);
         topology.refuse_duplicate_cells(mesh)?;
         topology.refuse_half_faces(mesh)?;
-        refuse_one_sided(mesh, &topology.facets)?;
+        refuse_one_sided(mesh, topology.facets.iter().filter_map(|facet| Some((facet.here, facet.there?))))?;
         Ok(topology)
     }
 

@@ -75,6 +75,10 @@ fn take(piece: &mut Piece, inside: &str, tag: &Tag, layout: &Layout<'_>, tags: &
     let name = tag.value("Name").unwrap_or_default().to_owned();
     let whole = tag.value("type").is_some_and(|t| t.starts_with("Int") || t.starts_with("UInt"));
     let one = tag.number("NumberOfComponents").is_none_or(|n| n == 1);
+    if let ("Points", Some(n)) = (inside, tag.number("NumberOfComponents").filter(|n| *n != 3)) {
+        let help = "a grid of VTK has three coordinates a point, in the plane z = 0 as the third";
+        return Err(wrong(tag.at, format!("the points have NumberOfComponents=\"{n}\"; {help}")));
+    }
     let slot = match (inside, name.to_ascii_lowercase().as_str()) {
         ("Points", _) => &mut piece.points,
         ("Cells", "connectivity") => &mut piece.connectivity,
@@ -98,6 +102,10 @@ fn contents(piece: Piece) -> Result<Contents, ReadError> {
     let connectivity = piece.connectivity.ok_or_else(|| lost("connectivity"))?;
     let offsets = piece.offsets.ok_or_else(|| lost("offsets"))?;
     let types = piece.types.ok_or_else(|| lost("types"))?;
+    if points.values.len() % 3 != 0 {
+        let n = points.values.len();
+        return Err(wrong(points.at, format!("the points have {n} numbers, which is not three coordinates a point")));
+    }
     let mut contents = Contents::default();
     for (node, x) in points.values.chunks_exact(3).enumerate() {
         let node = node as u64;

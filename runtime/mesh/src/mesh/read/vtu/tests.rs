@@ -162,6 +162,12 @@ fn what_is_not_read_says_why_and_what_to_do() {
         ("Name=\"types\"", "Name=\"kinds\"", "no array `types`"),
         ("0 0 0  1 0 0", "0 0 0  1 0 x", "the data of `Points` ends early or is damaged"),
         ("0 0 0  1 0 0", "0 0 0  1 0 nan", "node 1 is NaN"),
+        (
+            "NumberOfComponents=\"3\"",
+            "NumberOfComponents=\"2\"",
+            "NumberOfComponents=\"2\"; a grid of VTK has three coordinates",
+        ),
+        ("0 0 0  1 0 0", "0 0 0  1 0", "29 numbers, which is not three coordinates a point"),
         ("0 1 2 3 4 5 6 7 4", "0 1 2 3 4 5 6 77 4", "element 0 uses node 77"),
     ] {
         let text = good.replacen(from, to, 1);
