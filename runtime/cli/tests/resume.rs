@@ -198,7 +198,7 @@ fn a_killed_run_tells_what_was_seen_before() {
     let scene = folder.0.join("grows.wfl");
     let text = "wfl 1\nmesh box [0,0] to [2,1] cells [8,4] quad\nregion left = faces where x == 0\nunknown u : vector\n\
                 term inertia on all : Dot2_u.Test_u\nterm stress on all : 100*Sym(Grad_u):Grad_Test_u\n\
-                term fed on all : -4*Dot_u.Test_u\nload u = [1,0.5] on all\nfix u = [0,0] on left\nsteps t = 0 to 5 by 0.002\n\
+                term fed on all : -8*Dot_u.Test_u\nload u = [1,0.5] on all\nfix u = [0,0] on left\nsteps t = 0 to 5 by 0.002\n\
                 measure far = max(Norm(u)) on all\n";
     std::fs::write(&scene, text).expect("writable");
     goes_on_to_the_same_bytes(&folder, &scene, 1);

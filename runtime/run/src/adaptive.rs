@@ -144,7 +144,7 @@ impl Adaptive {
         if self.uncertainty.is_asked(found) {
             // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
             let solved = !history.solves.is_empty();
-            let left = self.left.iter().fold(0.0f64, |most, left| most.max(*left));
+            let left = self.left_over();
             let own = if solved { rounding(stepper, scene, u, left) } else { Some(vec![0.0; u.len()]) };
             // a field that is zero but for rounding has no error to be made smaller
             let own = own.map(|own| with_states(own, stepper, scene, u)).unwrap_or_default();

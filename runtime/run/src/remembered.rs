@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use wfl_discrete::rates::{MOST_ORDER, Scheme};
-use wfl_newton::StepHistory;
+use wfl_newton::{DEFAULT_TOLERANCE, StepHistory};
 use wfl_problem::{Auto, Scene, Solving};
 
 use super::{
@@ -12,8 +12,11 @@ use super::{
     past::{Past, distance},
 };
 
-/// A difference of a solution from an extrapolation of others is up to so many times the rounding of each.
+/// A difference of a solution from an extrapolation of others is up to so many times the rounding of each: the line through two takes
+/// the newer one twice, and one sample of signs may miss some of it.
 const ROUNDED: f64 = 16.0;
+/// A tolerance above that of Newton's method where a scene names none is a demand of that scene: what it leaves is an error.
+const NO_MORE: f64 = DEFAULT_TOLERANCE;
 
 /// An error, in units of the demanded one, that holds the next increment below twice this one: 0.9/sqrt(0.2) is 2.
 const HOLDS: f64 = 0.2;
@@ -94,6 +97,11 @@ impl Adaptive {
     pub(super) fn leave(&mut self, scene: &Solving<'_>, history: &StepHistory) {
         self.left.insert(0, history.iterations.last().map_or(0.0, |last| last.residual));
         self.left.truncate(most_order(scene) + 1);
+    }
+
+    /// The relative residual that counts as uncertainty: the largest of those that were left, and never more than [`NO_MORE`].
+    pub(super) fn left_over(&self) -> f64 {
+        self.left.iter().fold(0.0f64, |most, left| most.max(*left)).min(NO_MORE)
     }
 
     /// What is expected behind another increment; `None` where nothing is known of the past.

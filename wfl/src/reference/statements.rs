@@ -319,7 +319,8 @@ pub(super) const ROWS: &[StatementRow] = &[
         meaning: "Gauss rule of that degree, or the nodal rule",
         default: "from the degrees of the terms and of the geometry: exact for polynomials, `2p + 1` (`3p` on \
                   simplices) for other laws; faces with contact have one point a node, but through a mapping, on cells of \
-                  second order, and where a law on hexahedra reads the traction (`docs/quadrature.md`); `wfl check` tells the rule and why",
+                  second order, and where a law on hexahedra reads the traction (`docs/quadrature.md`); a measure of the geometry alone \
+                  (`integral(1)`) on curved faces has at least degree 5, whatever terms stand there; `wfl check` tells the rule and why",
     },
     StatementRow {
         word: "quadrature",

@@ -185,6 +185,16 @@ pub(crate) fn pairs() -> Vec<Pair> {
                 .replace("Dot2_u", "Dot_u"),
         )
         .near("Dot_u", "Dot2_u"),
+    ]
+    .into_iter()
+    .chain(of_meshes())
+    .chain(of_laws())
+    .collect()
+}
+
+/// Pairs of regions and meshes.
+fn of_meshes() -> Vec<Pair> {
+    vec![
         tee(),
         Pair::new("W404", MULTIPLIER).near("fix uL, uR =", "fix uL ="),
         two_plates("[0, 2, 1]").near("[0, 2, 1]", "[0, 2]"),
@@ -197,6 +207,12 @@ pub(crate) fn pairs() -> Vec<Pair> {
         Pair::new("W407", format!("{ON_PLATE}region seam = faces where x == 2\nmeasure m = mean(p) on seam\n"))
             .file("plate.msh", PLATE)
             .near("region seam = ", "region middle = "),
+    ]
+}
+
+/// Pairs of laws of contact.
+fn of_laws() -> Vec<Pair> {
+    vec![
         Pair::new("W503", NITSCHE.replace("1e4", "10")).near("gamma = 10", "gamma = 1e5"),
         Pair::new("W504", NITSCHE.replace("1e4", "1e12")).near("gamma = 1e12", "gamma = 1e5"),
         Pair::new("W507", NITSCHE.replace("- trac(v).Normal", "+ trac(v).Normal"))

@@ -123,11 +123,12 @@ impl Numbering {
     pub fn largest_prescribed(&self, u: &[f64]) -> f64 {
         let mut is_given: Vec<bool> = self.free.iter().map(|free| *free == FIXED).collect();
         self.ties.iter().for_each(|tie| is_given[tie.follower] = false);
+        let turned = self.frames.list().iter().flat_map(|frame| &u[frame.first..][..frame.axes.len()]);
+        // a component along an axis is a sum of products, and what was added in a step may be larger than what is left of it
+        let rounding = ROUNDED * f64::EPSILON * largest(turned.copied());
         let value = |dof: usize| {
             let along = self.frames.along(dof, u);
-            // a component of a sum of products is known to the rounding of the largest of them
-            let node = self.frames.of(dof).map_or(&[][..], |frame| &u[frame.first..][..frame.axes.len()]);
-            if along.abs() <= ROUNDED * f64::EPSILON * largest(node.iter().copied()) { 0.0 } else { along }
+            if self.frames.of(dof).is_some() && along.abs() <= rounding { 0.0 } else { along }
         };
         let given = is_given.iter().enumerate().filter(|(_, is_given)| **is_given);
         largest(given.map(|(dof, _)| value(dof)))
