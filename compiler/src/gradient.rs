@@ -22,8 +22,8 @@ use crate::{
     graph::{ExprId, Graph, Leaf, Node, Role},
     law::{KinkKind, Listing, TermLaw, ValueLaw},
     shape::{Motion, Velocity},
-    term::{TermSource, law_of, listing_of, value_of},
-    types::{FieldId, FieldOp, PlaceSig, RateOrder, Shape, Side},
+    term::{TermSource, law_of, listing_of, sides_law, value_of},
+    types::{FieldId, FieldOp, PlaceSig, RateOrder, Side},
 };
 
 pub use sides::{ToSide, compile_term_to_side, compile_value_to_side, kinks_of_term, kinks_of_value};
@@ -328,7 +328,7 @@ fn refused(env: &Env<'_>, place: &PlaceSig, text: &Expr, none: &NoDerivative) ->
 /// projection. A kink lies where both are one number.
 #[derive(Clone, Debug)]
 pub struct KinkSides {
-    /// `[side, other side]` of one kink after the other.
+    /// `[side, other side, magnitude of what they are made of]` of one kink after the other.
     pub law: ValueLaw,
     /// What each of them is.
     pub kinds: Vec<KinkKind>,
@@ -370,10 +370,7 @@ fn sides_of(env: &Env<'_>, place: &PlaceSig, name: &str, of: (Graph, ExprId)) ->
             _ => {}
         }
     }
-    // an empty tensor has no shape
-    let shape = Shape::new(&[sides.len()])?;
-    let root = graph.stack(shape, &sides);
-    Some(KinkSides { law: value_of(env, place, name, graph, root), kinds })
+    Some(KinkSides { law: sides_law(env, place, name, &graph, &sides)?, kinds })
 }
 
 /// The comparisons that a mask is made of.

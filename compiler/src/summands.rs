@@ -49,6 +49,15 @@ pub(crate) fn size(scalars: &mut Scalars, moves: &impl Fn(Val) -> bool, flux: Va
 /// What rounding of `root` is relative to: its magnitude with every sum inside replaced by that of the magnitudes.
 /// `known` keeps what was asked before.
 pub(crate) fn magnitude(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, root: Val) -> Val {
+    magnitude_with(scalars, known, root, true)
+}
+
+/// The same where a function counts with its value alone: what two sides of a comparison are known to, in their unit.
+pub(crate) fn magnitude_of_sides(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, root: Val) -> Val {
+    magnitude_with(scalars, known, root, false)
+}
+
+fn magnitude_with(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, root: Val, beside_one: bool) -> Val {
     // operands stand before what is made of them
     let mut wanted = BTreeSet::from([root]);
     let mut left = vec![root];
@@ -63,7 +72,7 @@ pub(crate) fn magnitude(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, r
     }
     for v in wanted {
         if !known.contains_key(&v) {
-            let made = one_magnitude(scalars, known, v);
+            let made = one_magnitude(scalars, known, v, beside_one);
             known.insert(v, made);
         }
     }
@@ -71,7 +80,7 @@ pub(crate) fn magnitude(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, r
 }
 
 /// The same where the operands are known.
-fn one_magnitude(scalars: &mut Scalars, known: &BTreeMap<Val, Val>, value: Val) -> Val {
+fn one_magnitude(scalars: &mut Scalars, known: &BTreeMap<Val, Val>, value: Val, beside_one: bool) -> Val {
     match scalars.insts[value.index()].clone() {
         Inst::Neg(a) => known[&a],
         Inst::Add(a, b) | Inst::Sub(a, b) => scalars.add(known[&a], known[&b]),
@@ -82,7 +91,7 @@ fn one_magnitude(scalars: &mut Scalars, known: &BTreeMap<Val, Val>, value: Val) 
         }
         Inst::Select(mask, a, b) => scalars.select(mask, known[&a], known[&b]),
         // the rounding of an argument near 1 shows in the last digits of 1
-        Inst::Call1(..) | Inst::Call2(..) => {
+        Inst::Call1(..) | Inst::Call2(..) if beside_one => {
             let (size, one) = (scalars.abs(value), scalars.constant(1.0));
             scalars.add(size, one)
         }

@@ -25,7 +25,7 @@ use crate::{
     lower::Lowering,
     scalar::{Key, NO_SLOT, Scalars},
     sign::radius_warnings,
-    summands,
+    summands::{self, magnitude_of_sides},
     symmetry::is_symmetric,
     types::{BasisSlot, FieldId, FieldOp, FieldSig, InputSlot, Moves, PlaceSig, Shape, Side, UniformSlot},
 };
@@ -525,6 +525,25 @@ pub(crate) fn value_of(env: &Env<'_>, place: &PlaceSig, name: &str, g: Graph, ro
     let degree = degree(&g, root, env.fields, place);
     let law = values_law(env.fields, name, lowering, &outputs, g.shape(root), degree);
     ValueLaw { jumps: value_jumps(&g, root), ..law }
+}
+
+/// The law of pairs of numbers that are compared, each with the largest magnitude of what they are made of behind it: a
+/// difference of numbers is zero within rounding of these. `None` without pairs.
+pub(crate) fn sides_law(env: &Env<'_>, place: &PlaceSig, name: &str, g: &Graph, sides: &[ExprId]) -> Option<ValueLaw> {
+    // an empty tensor has no shape
+    let (pairs, all) = (Shape::new(&[sides.len()])?, Shape::new(&[sides.len() / 2 * 3])?);
+    let mut g = g.clone();
+    let root = g.stack(pairs, sides);
+    let mut lowering = Lowering::new(&g);
+    let (values, mut known) = (lowering.values(root), BTreeMap::new());
+    let scalars = &mut lowering.scalars;
+    let mut outputs = Vec::new();
+    for pair in values.chunks_exact(2) {
+        let [a, b] = [pair[0], pair[1]].map(|side| magnitude_of_sides(scalars, &mut known, side));
+        outputs.extend([pair[0], pair[1], scalars.add(a, b)]);
+    }
+    let degree = degree(&g, root, env.fields, place);
+    Some(values_law(env.fields, name, lowering, &outputs, all, degree))
 }
 
 /// The law whose outputs are some scalars of a lowering.

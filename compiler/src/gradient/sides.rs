@@ -12,8 +12,8 @@ use crate::{
     derive::{NoDerivative, Ties, derive, derive_to_side},
     graph::{ExprId, Graph, Leaf, Role},
     law::{Listing, TermLaw, ValueLaw},
-    term::{TermSource, law_of, listing_of, value_of},
-    types::{FieldId, FieldOp, FieldSig, PlaceSig, Shape, Side},
+    term::{TermSource, law_of, listing_of, sides_law, value_of},
+    types::{FieldId, FieldOp, FieldSig, PlaceSig, Side},
 };
 
 /// A law to one side.
@@ -60,7 +60,7 @@ pub fn compile_term_to_side(
     let made = term_to_side(env.fields, &mut graph, residual, of);
     let value = made.map_err(|none| diagnostics.push(refused(env, place, source.text(), &none))).ok();
     let value = value.map(|(residual, tangent, sides)| ToSide {
-        sides: sides_of(env, place, name, &graph, sides),
+        sides: sides_law(env, place, name, &graph, &sides),
         law: law_of(env, place, name, Listing { graph, energy: None, residual: Some(residual), tangent }),
     });
     Checked { value, diagnostics }
@@ -107,7 +107,7 @@ pub fn compile_value_to_side(
     let value = match derive_to_side(&mut graph, root, &mut |g, leaf| companions.along(g, leaf), &mut ties) {
         Ok(moved) if graph.is_zero(moved) => Some(None),
         Ok(moved) => Some(Some(ToSide {
-            sides: sides_of(env, place, name, &graph, ties.sides),
+            sides: sides_law(env, place, name, &graph, &ties.sides),
             law: value_of(env, place, name, graph, moved),
         })),
         Err(none) => {
@@ -116,12 +116,4 @@ pub fn compile_value_to_side(
         }
     };
     Checked { value, diagnostics }
-}
-
-fn sides_of(env: &Env<'_>, place: &PlaceSig, name: &str, graph: &Graph, sides: Sides) -> Option<ValueLaw> {
-    // an empty tensor has no shape
-    let shape = Shape::new(&[sides.len()])?;
-    let mut graph = graph.clone();
-    let root = graph.stack(shape, &sides);
-    Some(value_of(env, place, name, graph, root))
 }

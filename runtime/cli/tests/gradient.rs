@@ -112,6 +112,28 @@ fn both_sides_of_a_kink_stand_in_table_files_and_beside_differences() {
     assert!(!other.status.success() && said(&other).contains("no side of a parameter"), "{}", said(&other));
 }
 
+/// A gap that closes exactly is a sum that cancels to rounding, on either side of zero: the slopes to both sides are those of runs on
+/// either side, which `wfl verify` makes.
+#[test]
+fn a_gap_that_closes_to_rounding_has_two_sides() {
+    let folder = Folder::new("gradient-closes");
+    let scene = |motion: &str, steps: &str| {
+        format!(
+            "wfl 1\nparam v = 0.5\nparam g0 = 0.05\nparam k = 20\nmesh box [0] to [1] cells [1]\nunknown u : scalar\n\
+             term m on all : {motion}*Test_u\nterm c on all : -k*pos_part(-(u + g0))*Test_u\n{steps}measure U = value(u) at [0]\n"
+        )
+    };
+    folder.write("touches.wfl", &scene("(u + v/10)", ""));
+    folder.write("arrives.wfl", &scene("(Dot_u + v)", "steps t = 0 to 0.4 by 0.1\n"));
+    for file in ["touches.wfl", "arrives.wfl"] {
+        for sided in ["v", "-v"] {
+            let more = ["--gradient", "U", "--with", "v"];
+            let done = folder.wfl(&[&["verify", file][..], &more, &[&format!("--one-sided={sided}")]].concat());
+            assert!(done.status.success() && said(&done).contains("W660"), "{file}, {sided}: {}", said(&done));
+        }
+    }
+}
+
 #[test]
 #[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn steps_are_computed_again_where_memory_does_not_hold_them_all() {

@@ -180,8 +180,8 @@ impl Number {
     fn near(&self, extended: &Extended<'_>, values: &[(String, f64)], step: Window) -> Option<NearKink> {
         let known = |slot: &InputSlot| self.read(extended, values, slot);
         let sides = self.sides.as_ref()?.at_step(step).at_positions_with(&[[0.0; 3]], &known).ok()?;
-        let is_near = |pair: &[f64]| (pair[0] - pair[1]).abs() <= NEAR * pair[0].abs().max(pair[1].abs());
-        sides.chunks_exact(2).any(is_near).then(|| NearKink {
+        let is_near = |kink: &[f64]| (kink[0] - kink[1]).abs() <= NEAR * kink[2];
+        sides.chunks_exact(3).any(is_near).then(|| NearKink {
             place: self.name.clone(),
             span: Some(self.span),
             kind: "is between two branches",

@@ -173,9 +173,8 @@ impl Kink {
         let mut points: Vec<f64> = Vec::new();
         let value = self.value.at_step(values.with_present_rates(step));
         value.for_each_point(&solving.system.mesh, &self.sampled, values, |_, _, _, _, v| points.extend_from_slice(v));
-        let at = |point: &[f64], k: usize| [point[2 * k], point[2 * k + 1]];
-        let size = |p: &[f64], k: usize| at(p, k).into_iter().fold(0.0f64, |m, x| m.max(x.abs()));
-        let scale = |k: usize| points.chunks_exact(2 * n).map(|p| size(p, k)).fold(0.0, f64::max);
+        let at = |point: &[f64], k: usize| [point[3 * k], point[3 * k + 1]];
+        let scale = |k: usize| points.chunks_exact(3 * n).map(|p| p[3 * k + 2]).fold(0.0, f64::max);
         let scales: Vec<f64> = (0..n).map(scale).collect();
         let mut out = Vec::new();
         for (kind, text) in TEXTS {
@@ -188,9 +187,9 @@ impl Kink {
                     counts && (a - b).abs() <= NEAR * scales[k]
                 })
             };
-            let near = points.chunks_exact(2 * n).filter(is_near).count();
+            let near = points.chunks_exact(3 * n).filter(is_near).count();
             if near > 0 {
-                let of = points.len() / (2 * n);
+                let of = points.len() / (3 * n);
                 let (place, span) = (self.place.clone(), self.span);
                 out.push(NearKink { place, span, kind: text, time: step.stage, points: near, of, more: 0 });
             }

@@ -1,6 +1,6 @@
 //! Laws along a direction to one side: at points between two branches they take the one that the direction leads to.
 //!
-//! A kink is between its branches where both sides of it are within [`NEAR`] of the largest of them in the region: so the
+//! A kink is between its branches where both sides of it are within [`NEAR`] of the largest of what they are made of in the region: so the
 //! points that are told are those that are decided here. Laws without kinks are not in the lists.
 
 use std::sync::Arc;
@@ -97,12 +97,12 @@ impl Ties {
         let n = self.sides.n_components();
         let mut numbers = vec![0.0; self.n];
         for point in pairs.chunks_exact(n) {
-            for (pair, largest) in point.chunks_exact(2).zip(&mut numbers) {
-                *largest = pair.iter().fold(*largest, |m: f64, x| m.max(x.abs()));
+            for (kink, largest) in point.chunks_exact(3).zip(&mut numbers) {
+                *largest = f64::max(*largest, kink[2]);
             }
         }
         numbers.iter_mut().for_each(|x| *x *= NEAR);
-        let is_near = |point: &[f64]| point.chunks_exact(2).zip(&numbers).any(|(p, tol)| (p[0] - p[1]).abs() <= *tol);
+        let is_near = |point: &[f64]| point.chunks_exact(3).zip(&numbers).any(|(p, tol)| (p[0] - p[1]).abs() <= *tol);
         Tolerances { near: pairs.chunks_exact(n).any(is_near), numbers }
     }
 }
