@@ -49,15 +49,23 @@ pub(crate) fn size(scalars: &mut Scalars, moves: &impl Fn(Val) -> bool, flux: Va
 /// What rounding of `root` is relative to: its magnitude with every sum inside replaced by that of the magnitudes.
 /// `known` keeps what was asked before.
 pub(crate) fn magnitude(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, root: Val) -> Val {
-    magnitude_with(scalars, known, root, true)
+    magnitude_with(scalars, known, root, Functions::BesideOne)
 }
 
 /// The same where a function counts with its value alone: what two sides of a comparison are known to, in their unit.
 pub(crate) fn magnitude_of_sides(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, root: Val) -> Val {
-    magnitude_with(scalars, known, root, false)
+    magnitude_with(scalars, known, root, Functions::ByValue)
 }
 
-fn magnitude_with(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, root: Val, beside_one: bool) -> Val {
+/// How the values of functions count.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Functions {
+    /// One is added: an argument near 1 is known to the last digits of 1.
+    BesideOne,
+    ByValue,
+}
+
+fn magnitude_with(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, root: Val, functions: Functions) -> Val {
     // operands stand before what is made of them
     let mut wanted = BTreeSet::from([root]);
     let mut left = vec![root];
@@ -72,7 +80,7 @@ fn magnitude_with(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, root: V
     }
     for v in wanted {
         if !known.contains_key(&v) {
-            let made = one_magnitude(scalars, known, v, beside_one);
+            let made = one_magnitude(scalars, known, v, functions);
             known.insert(v, made);
         }
     }
@@ -80,7 +88,7 @@ fn magnitude_with(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, root: V
 }
 
 /// The same where the operands are known.
-fn one_magnitude(scalars: &mut Scalars, known: &BTreeMap<Val, Val>, value: Val, beside_one: bool) -> Val {
+fn one_magnitude(scalars: &mut Scalars, known: &BTreeMap<Val, Val>, value: Val, functions: Functions) -> Val {
     match scalars.insts[value.index()].clone() {
         Inst::Neg(a) => known[&a],
         Inst::Add(a, b) | Inst::Sub(a, b) => scalars.add(known[&a], known[&b]),
@@ -91,7 +99,7 @@ fn one_magnitude(scalars: &mut Scalars, known: &BTreeMap<Val, Val>, value: Val, 
         }
         Inst::Select(mask, a, b) => scalars.select(mask, known[&a], known[&b]),
         // the rounding of an argument near 1 shows in the last digits of 1
-        Inst::Call1(..) | Inst::Call2(..) if beside_one => {
+        Inst::Call1(..) | Inst::Call2(..) if functions == Functions::BesideOne => {
             let (size, one) = (scalars.abs(value), scalars.constant(1.0));
             scalars.add(size, one)
         }
