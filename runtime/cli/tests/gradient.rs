@@ -123,8 +123,8 @@ fn a_gap_that_closes_to_rounding_has_two_sides() {
              term m on all : {motion}*Test_u\nterm c on all : -k*pos_part(-(u + g0))*Test_u\n{steps}measure U = value(u) at [0]\n"
         )
     };
-    folder.write("touches.wfl", &scene("(u + v/10)", ""));
-    folder.write("arrives.wfl", &scene("(Dot_u + v)", "steps t = 0 to 0.4 by 0.1\n"));
+    folder.write("touches.wfl", scene("(u + v/10)", ""));
+    folder.write("arrives.wfl", scene("(Dot_u + v)", "steps t = 0 to 0.4 by 0.1\n"));
     for file in ["touches.wfl", "arrives.wfl"] {
         for sided in ["v", "-v"] {
             let more = ["--gradient", "U", "--with", "v"];
