@@ -121,8 +121,9 @@ impl Numbering {
     /// The largest value of `u` that is prescribed: along the axes of frames, and of no follower, whose value is that of another dof.
     #[must_use]
     pub fn largest_prescribed(&self, u: &[f64]) -> f64 {
-        let mut is_given: Vec<bool> = self.free.iter().map(|free| *free == FIXED).collect();
-        self.ties.iter().for_each(|tie| is_given[tie.follower] = false);
+        // most scenes have no followers, and this is asked in every step
+        let mut follows = vec![false; if self.ties.is_empty() { 0 } else { self.free.len() }];
+        self.ties.iter().for_each(|tie| follows[tie.follower] = true);
         let turned = self.frames.list().iter().flat_map(|frame| &u[frame.first..][..frame.axes.len()]);
         // a component along an axis is a sum of products, and what was added in a step may be larger than what is left of it
         let rounding = ROUNDED * f64::EPSILON * largest(turned.copied());
@@ -130,8 +131,8 @@ impl Numbering {
             let along = self.frames.along(dof, u);
             if self.frames.of(dof).is_some() && along.abs() <= rounding { 0.0 } else { along }
         };
-        let given = is_given.iter().enumerate().filter(|(_, is_given)| **is_given);
-        largest(given.map(|(dof, _)| value(dof)))
+        let is_given = |dof: &usize| self.free[*dof] == FIXED && !follows.get(*dof).copied().unwrap_or(false);
+        largest((0..self.free.len()).filter(is_given).map(value))
     }
 
     /// `u = start + step * correction`, the correction by free number.
