@@ -20,8 +20,8 @@ const NO_MORE: f64 = DEFAULT_TOLERANCE;
 
 /// An error, in units of the demanded one, that holds the next increment below twice this one: 0.9/sqrt(0.2) is 2.
 const HOLDS: f64 = 0.2;
-/// After so many steps in a row whose errors hold the increments it is asked whether these are errors: that takes about as long as a
-/// linear solve, which one step in so many does not feel.
+/// After so many steps in a row whose errors hold the increments it is asked whether these are errors: that takes about as long as
+/// an iteration, a tangent and its factor, which one step in so many does not feel.
 const PATIENCE: usize = 16;
 
 /// When it is asked how much of the errors is no error of the steps, but what rounding and the tolerance of Newton's method leave.
