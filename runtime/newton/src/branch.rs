@@ -104,7 +104,7 @@ fn from_one(
 
 /// Goes downhill to a minimum; false where none was reached.
 fn descend(step: &mut LoadStep<'_>, u: &mut [f64], history: &mut StepHistory) -> Result<bool, NewtonError> {
-    let norm = Norm { weights: step.weights(), equations: Vec::new(), scales: Vec::new(), frozen: false };
+    let norm = Norm { weights: step.weights(), equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: false };
     let mut here = step.measure(u, &norm)?;
     let mut shift = SMALLEST_SHIFT;
     for _ in 0..step.options.max_iterations {
@@ -143,7 +143,7 @@ fn one_step(
     factor.solve(&rhs, &mut direction)?;
     let start = u.to_vec();
     let allowed = step.longest_step(&start, &direction, 1.0);
-    let search = CriticalPoint { direction: &direction, norm, allowed };
+    let search = CriticalPoint { direction: &direction, norm, is_correction: false, allowed };
     search.descend(step, u, &start, here)
 }
 

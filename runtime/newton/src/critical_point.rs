@@ -1,4 +1,4 @@
-//! How far a correction is followed where bodies are not linear: to where the energy is the least along it.
+//! How far a correction is followed where laws are not linear: to where the energy is the least along it.
 //!
 //! What is looked at is the slope of the energy along the correction, the residual times the direction. The residual
 //! norm says little there: of |grad u|^(p-2) grad u with large p a correction is thousands of times too long or p - 1
@@ -12,6 +12,7 @@ use wfl_compiler::{Class, types::FieldKind};
 
 use super::{
     LoadStep, Method, NewtonError,
+    line_search::LARGEST_FORCING,
     load_step::{Measured, Norm},
 };
 use wfl_discrete::system::System;
@@ -28,15 +29,52 @@ const OPEN: f64 = 0.1;
 /// Most trials, and the longest way in units of the correction: six doublings, and halvings of a logarithm from there to
 /// corrections that are thousands of times too long (power laws, `docs/newton.md`).
 const MOST_TRIALS: usize = 60;
+/// A slope that changes its sign within this part of a step has a jump there: eight halvings more would reach rounding, and laws
+/// that are steep and smooth (1e10 times as stiff as bodies) are told from it.
+const JUMP: f64 = 1e-13;
 const LONGEST: f64 = 64.0;
 /// Factor by which a step is cut that goes uphill, before one that goes downhill is known: from a correction a thousand times
 /// too long four residuals.
 const UPHILL_CUT: f64 = 1.0 / 8.0;
 
-/// True if some body is not linear and what the correction is of may have an energy.
+/// True if a correction may be far too long or too short for what it is of: with frozen branches, where bodies or faces are not
+/// linear then (friction by the logarithm of a slip rate, pressure by a power of a gap, beside linear bodies as well); as written,
+/// where bodies are not linear and there may be an energy.
 pub(super) fn applies(system: &System, method: Method) -> bool {
-    let bodies = system.terms.iter().any(|t| t.on_cells() && t.law.class >= Class::Nonlinear);
-    bodies && (method.freezes() || method == Method::Residual && system.is_symmetric())
+    let bodies = || system.terms.iter().any(|t| t.on_cells() && t.law.class >= Class::Nonlinear);
+    match method {
+        Method::Residual => system.is_symmetric() && bodies(),
+        _ => method.freezes() && !system.is_affine_when_frozen(),
+    }
+}
+
+/// What is followed down to where it vanishes, along a direction.
+#[derive(Clone, Copy)]
+enum Slope {
+    /// The slope of the energy: the residual times the direction.
+    Energy,
+    /// The simplified Newton correction times the direction, which a correction always begins with below zero: where friction
+    /// couples the normal into the tangent, the residual times the direction may not.
+    Correction,
+}
+
+impl Slope {
+    /// It where the residual by dof is this one, in the units of `first` of the same direction.
+    fn of(self, step: &mut LoadStep<'_>, motion: &[f64], residual: &[f64]) -> Result<f64, NewtonError> {
+        let system = step.system;
+        let dofs = &system.numbering.free_dofs;
+        let part: f64 = match self {
+            Self::Energy => dofs.iter().zip(motion).map(|(dof, d)| residual[*dof as usize] * d).sum(),
+            Self::Correction => {
+                let (mut rhs, mut correction) = (Vec::new(), Vec::new());
+                system.numbering.gather(residual, &mut rhs);
+                step.solve(&rhs, &mut correction, LARGEST_FORCING)?;
+                let own = dofs.iter().zip(motion.iter().zip(&correction)).filter(|(dof, _)| system.owns(**dof as usize));
+                own.map(|(_, (d, c))| d * c).sum()
+            }
+        };
+        Ok(system.team().total(part))
+    }
 }
 
 /// True if the slope that is left, as a part of what it was, is small; it is negative uphill.
@@ -65,6 +103,8 @@ pub(super) fn leaves_much(here: f64, found: &Measured) -> bool {
 pub(super) struct CriticalPoint<'a> {
     pub(super) direction: &'a [f64],
     pub(super) norm: &'a Norm,
+    /// True if the factor at hand gave the direction, as the correction of the residual at its start.
+    pub(super) is_correction: bool,
     /// How far volumes allow to go, at most 1.
     pub(super) allowed: f64,
 }
@@ -81,29 +121,32 @@ impl CriticalPoint<'_> {
     ) -> Result<Option<(f64, Measured)>, NewtonError> {
         let system = step.system;
         let (motion, forces) = self.parts(system);
-        let slope = |residual: &[f64]| -> f64 {
-            let dofs = system.numbering.free_dofs.iter();
-            system.team().total(dofs.zip(&motion).map(|(dof, d)| residual[*dof as usize] * d).sum())
-        };
         let mut base = start.to_vec();
-        let first = if let Some(forces) = &forces {
+        let mut measure = Slope::Energy;
+        let mut first;
+        if let Some(forces) = &forces {
             step.go(start, forces, 1.0, &mut base);
             let loaded = step.measure(&base, self.norm)?;
-            slope(&loaded.residual)
+            first = measure.of(step, &motion, &loaded.residual)?;
         } else {
-            slope(&here.residual)
-        };
+            first = measure.of(step, &motion, &here.residual)?;
+            if first >= 0.0 && self.is_correction {
+                measure = Slope::Correction;
+                first = measure.of(step, &motion, &here.residual)?;
+            }
+        }
         if first >= 0.0 || first.is_nan() {
             return Ok(None);
         }
         let (mut low, mut high, mut alpha) = (0.0, f64::INFINITY, self.allowed);
+        let mut turns = false;
         // looked for where a step longer than the correction is asked for
         let mut allowed = (self.allowed < 1.0).then_some(self.allowed);
         for _ in 0..MOST_TRIALS {
             step.go(&base, &motion, alpha, u);
             match step.measure(u, self.norm) {
                 Ok(found) => {
-                    let there = slope(&found.residual);
+                    let there = measure.of(step, &motion, &found.residual)?;
                     let good = alpha == 1.0 && found.norm <= GOOD * here.norm;
                     if low_enough(there / first) || good || found.stop(step.options).is_some() {
                         return self.taken(step, u, start, (alpha, found), forces.as_deref()).map(Some);
@@ -111,7 +154,7 @@ impl CriticalPoint<'_> {
                     if there < 0.0 {
                         low = alpha
                     } else {
-                        high = alpha
+                        (high, turns) = (alpha, true)
                     }
                     if high == f64::INFINITY {
                         let most = *allowed.get_or_insert_with(|| step.longest_step(&base, &motion, LONGEST));
@@ -121,12 +164,18 @@ impl CriticalPoint<'_> {
                     }
                 }
                 // out of the domain of a function or out of range
-                Err(_) => high = alpha,
+                Err(_) => (high, turns) = (alpha, false),
             }
             alpha = between(low, high);
-            if alpha > LONGEST {
+            if alpha > LONGEST || alpha <= low || alpha >= high {
                 break;
             }
+        }
+        // friction that turns round within rounding of where slip does: the slope jumps, and what is downhill ends there
+        if turns && low > 0.0 && high <= low * (1.0 + JUMP) {
+            step.go(&base, &motion, low, u);
+            let found = step.measure(u, self.norm)?;
+            return self.taken(step, u, start, (low, found), forces.as_deref()).map(Some);
         }
         Ok(None)
     }
@@ -176,6 +225,9 @@ mod tests {
         tests::Solving,
     };
 
+    /// Friction that grows with the logarithm of a slip, from 1e-87 of it on.
+    const STEEP: &str = "asinh(1e87*u(1))*Test_u(1)";
+
     #[test]
     fn a_step_may_end_uphill_by_half_of_the_slope_but_downhill_by_a_tenth_alone() {
         assert!(low_enough(0.1) && low_enough(-0.5) && low_enough(0.0));
@@ -195,11 +247,11 @@ mod tests {
         let mut solving = Solving::new(&[CUBIC, "[0,2].Test_u"], &[]);
         solving.u = solving.block.moved([0.0, start], [0.0; 2]);
         solving.with(&mut Silent, |step, u| {
-            let norm = Norm { weights: vec![1.0], equations: Vec::new(), scales: Vec::new(), frozen: false };
+            let norm = Norm { weights: vec![1.0], equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: false };
             let here = step.measure(u, &norm).unwrap();
             let down = |dof: &u32| if dof % 2 == 1 { direction } else { 0.0 };
             let direction_of: Vec<f64> = step.system.numbering.free_dofs.iter().map(down).collect();
-            let search = CriticalPoint { direction: &direction_of, norm: &norm, allowed: 1.0 };
+            let search = CriticalPoint { direction: &direction_of, norm: &norm, is_correction: false, allowed: 1.0 };
             let (from, mut to) = (u.clone(), u.clone());
             let (alpha, _) = search.descend(step, &mut to, &from, &here).unwrap()?;
             let x = start + alpha * direction;
@@ -232,5 +284,25 @@ mod tests {
         let nonlinear = Block::new(1, &[CUBIC], &[PENALTY]).system;
         assert!(applies(&nonlinear, Method::ActiveSet) && applies(&nonlinear, Method::Residual));
         assert!(!applies(&nonlinear, Method::Natural), "it has a test of its own");
+        let steep = Block::new(1, &[LAPLACE], &[STEEP]).system;
+        assert!(applies(&steep, Method::ActiveSet), "faces may have laws that are not linear either");
+        assert!(!applies(&steep, Method::Residual));
+    }
+
+    /// A square that is moved by its floor, whose law turns round at rest: what is left is the place where it does.
+    #[test]
+    fn a_slope_that_jumps_ends_a_step_where_it_does() {
+        let mut solving = Solving::new(&[LAPLACE], &[STEEP]);
+        solving.u = solving.block.moved([1e-3, 0.0], [0.0; 2]);
+        solving.with(&mut Silent, |step, u| {
+            let norm = Norm { weights: vec![1.0], equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: false };
+            let here = step.measure(u, &norm).unwrap();
+            let back = |dof: &u32| if dof % 2 == 0 { -0.3 } else { 0.0 };
+            let direction: Vec<f64> = step.system.numbering.free_dofs.iter().map(back).collect();
+            let search = CriticalPoint { direction: &direction, norm: &norm, is_correction: false, allowed: 1.0 };
+            let (from, mut to) = (u.clone(), u.clone());
+            let (alpha, _) = search.descend(step, &mut to, &from, &here).unwrap().expect("it goes downhill");
+            assert!((alpha - 1e-3 / 0.3).abs() < 1e-15, "{alpha}");
+        });
     }
 }

@@ -94,10 +94,11 @@ pub(super) fn iterate(
     let schedule = Schedule::new(step, u, predicted.map(|predicted| &predicted.state[..]));
     step.contact.set_compliant(schedule.method() == Method::Compliance);
     let weights = vec![1.0; step.system.fields.len()];
-    let norm = Norm { weights, equations: Vec::new(), scales: Vec::new(), frozen: schedule.freezes() };
+    let frozen = schedule.freezes();
+    let mut norm = Norm { weights, equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen };
     let mut history = StepHistory::default();
     let before = step.system.largest_of_alike(u);
-    let here = begin(step, u, predicted, &norm, &mut history)?;
+    let here = begin(step, u, predicted, &mut norm, &mut history)?;
     let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
     let (path, direction) = (None, Vec::new());
     let mut attempt = Attempt {
@@ -128,10 +129,17 @@ fn begin(
     step: &mut LoadStep<'_>,
     u: &mut [f64],
     predicted: Option<&Predicted>,
-    norm: &Norm,
+    norm: &mut Norm,
     history: &mut StepHistory,
 ) -> Result<Measured, NewtonError> {
     let mut start = step.measure(u, norm);
+    // what single equations began with is asked of the state that was there, not of a prediction
+    if step.has_single_equations()
+        && let Ok(here) = &start
+    {
+        norm.began = here.written.values.iter().map(|r| r.abs()).collect();
+        start = step.measure(u, norm);
+    }
     if let Ok(here) = &start {
         step.record(history, here, Done { method: Method::Start, step: 1.0, changed: 0, corrections: 0 });
     }
@@ -160,7 +168,10 @@ impl Attempt<'_> {
             let rooms = if self.path.is_some() && room_of_paths > 0 { &mut room_of_paths } else { &mut room };
             *rooms -= 1;
             let solves = number == 1 && step.solves_once && self.here.relative > self.here.floor;
-            if let Some(stop) = if solves { None } else { self.confirmed(step)? } {
+            let stop = if solves { None } else { self.confirmed(step)? };
+            // what rounding may leave is a bound, and may be what a step has to do: it is tried once
+            let tries = number == 1 && stop == Some(Stop::Floor) && !self.here.no_force;
+            if let Some(stop) = stop.filter(|_| !tries) {
                 return self.finish(step, stop);
             }
             self.doubts += usize::from(self.doubtful.is_some());
@@ -178,6 +189,7 @@ impl Attempt<'_> {
             least = Some(least.map_or(self.here.relative, |least: f64| least.min(self.here.relative)));
             match self.correct(step, forcing, inexact) {
                 Ok(followed) => self.advance(step, followed)?,
+                Err(_) if tries => return self.finish(step, Stop::Floor),
                 Err(error) => left = self.leave(step, error, number)?,
             }
         }
@@ -206,8 +218,8 @@ impl Attempt<'_> {
             step.assemble_tangent(self.u, false)?;
             self.here = step.measure(self.u, &self.norm)?;
             let stop = self.stops(step);
-            let is_floor = stop == Some(Stop::Floor) && self.here.of_forces > HIDDEN;
-            let hidden = if is_floor { step.hidden(self.u, &self.here.written)? } else { 0.0 };
+            let is_floor = stop == Some(Stop::Floor) && self.here.relative > HIDDEN;
+            let hidden = if is_floor { step.hidden(self.u, &self.here)? } else { 0.0 };
             self.history.hidden = if hidden > HIDDEN { hidden } else { 0.0 };
             if stop.is_some() && (hidden <= HIDDEN || step.system.is_linear()) {
                 return Ok(stop);

@@ -77,7 +77,7 @@ impl LineSearch<'_> {
         }
         if step.options.search && critical_point::applies(step.system, self.method) {
             let allowed = step.longest_step(&start, self.direction, 1.0);
-            let search = CriticalPoint { direction: self.direction, norm: self.norm, allowed };
+            let search = CriticalPoint { direction: self.direction, norm: self.norm, is_correction: true, allowed };
             if let Some((alpha, found)) = search.descend(step, u, &start, here)? {
                 return self.damped(step, u, &start, alpha, found);
             }
@@ -264,7 +264,7 @@ mod tests {
         let mut solving = Solving::new(&[LAPLACE, "[0,2].Test_u"], &[]);
         solving.options.search = search;
         solving.with(&mut Silent, |step, u| {
-            let norm = Norm { weights: vec![1.0], equations: Vec::new(), scales: Vec::new(), frozen: false };
+            let norm = Norm { weights: vec![1.0], equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: false };
             let here = step.measure(u, &norm).unwrap();
             let down = |dof: &u32| if dof % 2 == 1 { -part } else { 0.0 };
             let direction: Vec<f64> = step.system.numbering.free_dofs.iter().map(down).collect();

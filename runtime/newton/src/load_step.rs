@@ -112,12 +112,12 @@ pub(super) struct Measured {
     pub(super) summands: Vec<f64>,
     /// Largest over the fields of residual over scale, always of the scene as written.
     pub(super) relative: f64,
-    /// The same of forces alone.
-    pub(super) of_forces: f64,
     /// What rounding leaves of it.
     pub(super) floor: f64,
     /// The residual of every kind of field is as small as rounding or the tolerance allows in fields of that kind.
     pub(super) settled: bool,
+    /// A single equation has more left than rounding and the tolerance of what it began with.
+    pub(super) is_open: bool,
     /// What is left is below bounds of what rounds in positions and inside laws: it is rounding once it no longer falls.
     pub(super) bounded: bool,
     /// Fields have no force but rounding.
@@ -131,7 +131,7 @@ pub(super) struct Measured {
 impl Measured {
     /// Why an iteration stops here, if it does.
     pub(super) fn stop(&self, options: NewtonOptions) -> Option<Stop> {
-        if self.relative <= options.tolerance && !self.no_force {
+        if self.relative <= options.tolerance && !self.no_force && !self.is_open {
             return Some(Stop::Tolerance);
         }
         (self.settled || self.no_force && self.relative <= options.tolerance).then_some(Stop::Floor)
@@ -145,7 +145,9 @@ pub(super) struct Norm {
     pub(super) weights: Vec<f64>,
     /// By dof in fields with single equations: one over what cancels in the equation. Empty without such fields.
     pub(super) equations: Vec<f64>,
-    /// What they are made of: the scales of these equations, now and in the iterations before.
+    /// By dof in fields with single equations what was left of them at the start of the step; empty where that is not known.
+    pub(super) began: Vec<f64>,
+    /// What the factors of `equations` are made of: the scales of these equations, now and in the iterations before.
     pub(super) scales: Vec<f64>,
     /// The residual is that with the frozen active set.
     pub(super) frozen: bool,
@@ -178,9 +180,9 @@ impl LoadStep<'_> {
         let is_multiplier = |body: usize| {
             body < system.n_bodies() && system.fields[system.field_of_body(body)].kind == FieldKind::Multiplier
         };
-        let mut all = self.body_measures(u, &written, [&sizes, &summands], &scales);
+        let mut all = self.body_measures(u, &written, [&sizes, &summands, &norm.began], &scales);
         if all.is_open_by(is_multiplier, self.options.tolerance) && self.are_nothing(u, &mut scales) {
-            all = self.body_measures(u, &written, [&sizes, &summands], &scales);
+            all = self.body_measures(u, &written, [&sizes, &summands, &norm.began], &scales);
         }
         let settled = all.are_settled(is_multiplier, self.options.tolerance);
         let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
@@ -192,12 +194,12 @@ impl LoadStep<'_> {
                 sizes.iter_mut().zip(system.cancelled(u, &written)).for_each(|(size, inside)| *size = size.max(inside));
             }
             if cancels || !positions.is_empty() {
-                all = self.body_measures(u, &written, [&sizes, &summands], &scales);
+                all = self.body_measures(u, &written, [&sizes, &summands, &norm.began], &scales);
                 bounded = all.are_settled(is_multiplier, self.options.tolerance);
             }
         }
-        let (relative, of_forces, floor) = (all.relative(), all.relative_of_forces(), all.floor());
-        let no_force = scales.no_force;
+        let (relative, floor) = (all.relative(), all.floor());
+        let (no_force, is_open) = (scales.no_force, all.has_open_equation());
         let residual = if norm.frozen {
             system.frozen_residual(&written, u, self.contact.active_set())?
         } else {
@@ -209,9 +211,9 @@ impl LoadStep<'_> {
             written,
             summands,
             relative,
-            of_forces,
             floor,
             settled,
+            is_open,
             bounded,
             no_force,
             norm,

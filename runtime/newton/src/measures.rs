@@ -28,6 +28,19 @@ struct BodyMeasure {
     steep: bool,
 }
 
+/// What is known of a single equation.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Equation {
+    /// What is left of it.
+    pub(crate) residual: f64,
+    /// What cancels in it: the sum of the magnitudes of its summands.
+    pub(crate) scale: f64,
+    /// What was left of it when the step began; `f64::INFINITY` where that is not known.
+    pub(crate) began: f64,
+    /// What rounding leaves.
+    pub(crate) rounding: f64,
+}
+
 /// Measures of all bodies.
 pub(crate) struct BodyMeasures {
     bodies: Vec<BodyMeasure>,
@@ -52,15 +65,18 @@ impl BodyMeasures {
         }
     }
 
-    /// Adds equations: of each the residual, what cancels in it, and what rounding leaves.
-    pub(crate) fn add_equations(&mut self, body: usize, equations: &[[f64; 3]], tolerance: f64) {
+    /// Adds equations. Each is solved for once the tolerance is left of what cancels in it, and of what was left of it when the step
+    /// began: positions far from the origin and pressures of the deep cancel whatever moves, and a load that is small beside
+    /// them is to be balanced all the same.
+    pub(crate) fn add_equations(&mut self, body: usize, equations: &[Equation], tolerance: f64) {
         let f = &mut self.bodies[body];
         f.single = true;
-        for [residual, scale, rounding] in equations.iter().filter(|[residual, ..]| *residual > 0.0) {
-            let scale = scale.max(NOTHING);
-            f.relative = f.relative.max(residual / scale);
-            f.floor = f.floor.max(rounding / scale);
-            f.open |= *residual > tolerance * scale && !(rounding.is_finite() && *residual <= *rounding);
+        for e in equations.iter().filter(|e| e.residual > 0.0) {
+            let scale = e.scale.max(NOTHING);
+            f.relative = f.relative.max(e.residual / scale);
+            f.floor = f.floor.max(e.rounding / scale);
+            let asked = e.began.min(scale);
+            f.open |= e.residual > tolerance * asked && !(e.rounding.is_finite() && e.residual <= e.rounding);
         }
     }
 
@@ -80,9 +96,9 @@ impl BodyMeasures {
         self.bodies.iter().fold(0.0, |m, f| m.max(f.relative))
     }
 
-    /// The same of forces alone: an equation of a rate in a short step is rounding without a meaning for the state.
-    pub(crate) fn relative_of_forces(&self) -> f64 {
-        self.bodies.iter().filter(|f| !f.single).fold(0.0, |m, f| m.max(f.relative))
+    /// True if some single equation is open.
+    pub(crate) fn has_open_equation(&self) -> bool {
+        self.bodies.iter().any(|f| f.single && f.open)
     }
 
     /// The largest floor.
@@ -108,7 +124,7 @@ impl BodyMeasures {
         let of_forces = || self.bodies.iter().filter(|f| !f.single).fold(0.0f64, |m, f| m.max(f.floor));
         let least = if is_multiplier(k) { of_forces() } else { f.floor };
         let rounded = if f.single { !f.open } else { !f.steep && least.is_finite() && f.relative <= least };
-        f.relative <= tolerance || rounded
+        !f.single && f.relative <= tolerance || rounded
     }
 }
 
@@ -116,16 +132,35 @@ impl BodyMeasures {
 mod tests {
     use super::*;
 
+    /// An equation of which nobody knows what was left of it when the step began.
+    fn of(residual: f64, scale: f64, rounding: f64) -> Equation {
+        Equation { residual, scale, rounding, began: f64::INFINITY }
+    }
+
+    #[test]
+    fn an_equation_is_open_while_a_load_is_left_that_is_small_beside_what_cancels() {
+        // a spring of 1e4 between masses at 1000 and 1001 that are pulled by 1e-3
+        let settled = |residual: f64, rounding: f64| {
+            let mut all = BodyMeasures::new(1);
+            all.add_equations(0, &[Equation { residual, scale: 1e7, began: 1e-3, rounding }], 1e-10);
+            assert_eq!(all.has_open_equation(), !all.are_settled(|_| false, 1e-10));
+            all.are_settled(|_| false, 1e-10)
+        };
+        assert!(!settled(1e-3, 1e-8) && !settled(1e-7, 1e-8));
+        assert!(settled(1e-9, 1e-8), "that is rounding");
+        assert!(settled(1e-14, 1e-20));
+    }
+
     #[test]
     fn each_equation_is_open_until_it_is_small_beside_what_cancels_in_it() {
         let mut all = BodyMeasures::new(2);
         all.add_forces(0, 1e-12, 1.0, [1e-15, f64::INFINITY]);
-        all.add_equations(1, &[[1e-20, 1e-9, 1e-24], [1e-12, 30.0, 1e-14]], 1e-10);
+        all.add_equations(1, &[of(1e-20, 1e-9, 1e-24), of(1e-12, 30.0, 1e-14)], 1e-10);
         assert!(all.are_settled(|_| false, 1e-10) && all.relative() == 1e-20 / 1e-9);
-        all.add_equations(1, &[[1e-18, 1e-9, 1e-24]], 1e-10);
+        all.add_equations(1, &[of(1e-18, 1e-9, 1e-24)], 1e-10);
         assert!(!all.are_settled(|_| false, 1e-10), "one part in 1e9 of what cancels is left");
         let mut all = BodyMeasures::new(1);
-        all.add_equations(0, &[[1e-18, 1e-9, 1e-17], [0.0, 0.0, 0.0]], 1e-10);
+        all.add_equations(0, &[of(1e-18, 1e-9, 1e-17), of(0.0, 0.0, 0.0)], 1e-10);
         assert!(all.are_settled(|_| false, 1e-10), "that is rounding");
     }
 
@@ -133,7 +168,7 @@ mod tests {
     fn forces_without_digits_are_nothing() {
         let mut all = BodyMeasures::new(2);
         all.add_forces(0, 1e-320, 1e-320, [0.0, f64::INFINITY]);
-        all.add_equations(1, &[[1e-323, 1e-323, 0.0]], 1e-10);
+        all.add_equations(1, &[of(1e-323, 1e-323, 0.0)], 1e-10);
         assert!(all.are_settled(|_| false, 1e-10));
         all.add_forces(0, 1e-280, 1e-280, [0.0, f64::INFINITY]);
         assert!(!all.are_settled(|_| false, 1e-10));
@@ -195,7 +230,7 @@ mod tests {
     fn a_residual_of_zero_needs_no_scale() {
         let mut all = BodyMeasures::new(1);
         all.add_forces(0, 0.0, 0.0, [0.0, 0.0]);
-        all.add_equations(0, &[[0.0, 0.0, 0.0]], 1e-10);
+        all.add_equations(0, &[of(0.0, 0.0, 0.0)], 1e-10);
         assert!(all.are_settled(|_| false, 1e-10) && all.relative() == 0.0);
     }
 }

@@ -26,6 +26,39 @@ fn a_law_that_is_steep_at_rest_is_left_behind() {
     }
 }
 
+/// The same block with other laws and drives, in one and in sixteen cells, its contact closing in the step in which it is driven
+/// first. From above the strength a correction overshoots the rate by hundreds of times, to a slip that turns round within 1e-87:
+/// where it turns, and not by halves of a step, is where the next one begins. A slow drive leaves it stuck, sheared by 500 V0 t.
+#[test]
+fn a_law_that_is_steep_at_rest_is_met_from_above() {
+    for (v0, a, press, cells) in [
+        (1e-3, 0.003, 1e-2, 1),
+        (1e-6, 0.003, 1e-4, 1),
+        (1e-3, 0.003, 1e-2, 4),
+        (1e-6, 0.01, 1e-2, 4),
+        (1e-6, 0.003, 1e-2, 4),
+    ] {
+        let scene = format!(
+            "param V0 = {v0:e}\nparam a = {a}\nmesh box [0,0] to [1,1] cells [{cells},{cells}] quad\n\
+             region floor = faces where y == 0\nregion top = faces where y == 1\n\
+             unknown u : vector\nterm block on all : 1000*Sym(Grad_u):Grad_Test_u\ndef press = 1e6*pos_part(u.Normal)\n\
+             def V = (u(1) - Previous_u(1))/timestep\ndef q = V*timestep/0.1\n\
+             def mu = a*asinh(V/(2*V0)*exp((0.6 + 0.008*log(Previous_theta*V0/0.1))/a))\n\
+             state theta : scalar on floor := Previous_theta*exp(-q) + timestep*(if abs(q) < 1e-6 then 1 - q/2 else -expm1(-q)/q)\n\
+             start theta = 0.1/V0\nterm contact on floor : press*(Test_u.Normal) + mu*press*Test_u(1)\n\
+             steps t = 0 to 0.5 by 0.05\nfix u = [V0*t,-{press}] on top\nmeasure friction = integral(mu*press) on floor\n\
+             measure slip = mean(abs(u(1))) on floor\nmeasure held = reaction(u(1)) on top\n"
+        );
+        let ran = run(&format!("steep-above-{v0}-{a}-{press}-{cells}"), &scene, &[]);
+        assert_eq!(ran.code, 0, "{v0} {a} {press} {cells}: {}", ran.text);
+        let (friction, held) = (ran.last("friction"), ran.last("held"));
+        assert!((friction + held).abs() < 1e-6 * friction, "{}", ran.text);
+        assert!(ran.last("slip") < 1e-3 * v0, "{}", ran.text);
+        // one cell is sheared alike all over, but for what the penalty gives way
+        assert!(cells > 1 || (friction / (250.0 * v0) - 1.0).abs() < 1e-3, "{}", ran.text);
+    }
+}
+
 /// A layer of viscosity `eta` below its strength of 5, whose drive turns back: it slides with its strength, either way.
 #[test]
 fn a_layer_that_slides_has_its_strength_however_stiff_it_was() {

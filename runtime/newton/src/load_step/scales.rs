@@ -3,8 +3,11 @@
 use wfl_discrete::finite::largest as largest_of;
 use wfl_discrete::system::{FIXED, Residual};
 
-use super::{FLOOR_FACTOR, LoadStep};
-use crate::{Evaluated, measures::BodyMeasures};
+use super::{FLOOR_FACTOR, LoadStep, Measured};
+use crate::{
+    Evaluated,
+    measures::{BodyMeasures, Equation},
+};
 
 /// Forces of bodies that are strained by no more than this, in units of roundoff, are taken for rounding until what they are
 /// made of is known: sums over a hundred entries in three directions err by some hundred units, and a strain of 2e-13 is far
@@ -23,9 +26,9 @@ pub(super) struct Scales {
 
 impl LoadStep<'_> {
     /// Residuals by body beside their scales and what rounding leaves: of what cancels by dof, and of the summands of single
-    /// equations.
-    pub(super) fn body_measures(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 2], of: &Scales) -> BodyMeasures {
-        let (system, [sizes, summands]) = (self.system, sizes);
+    /// equations, of which `began` is what was left by dof when the step began (empty where that is not known).
+    pub(super) fn body_measures(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 3], of: &Scales) -> BodyMeasures {
+        let (system, [sizes, summands, began]) = (self.system, sizes);
         // behind the bodies their nodes without mass
         let mut all = BodyMeasures::new(system.n_bodies() + 1);
         let faces_alone = self.contact.is_empty() && !system.has_nonlinear_bodies();
@@ -38,8 +41,13 @@ impl LoadStep<'_> {
             let rounding = FLOOR_FACTOR * roundoff(unknowns[body]);
             if system.has_single_equations(system.field_of_body(body)) {
                 let is_free = |d: &usize| system.numbering.free[*d] != FIXED;
-                let equation = |d: usize| [written.values[d].abs(), summands[d], rounding * sizes[d]];
-                let equations: Vec<[f64; 3]> = system.dofs_of_body(body).filter(is_free).map(equation).collect();
+                let equation = |d: usize| Equation {
+                    residual: written.values[d].abs(),
+                    scale: summands[d],
+                    began: began.get(d).copied().unwrap_or(f64::INFINITY),
+                    rounding: rounding * sizes[d],
+                };
+                let equations: Vec<Equation> = system.dofs_of_body(body).filter(is_free).map(equation).collect();
                 all.add_equations(body, &equations, self.options.tolerance);
             } else {
                 // loads are known exactly: a state so far away that they are rounding beside it balances none of them
@@ -112,20 +120,28 @@ impl LoadStep<'_> {
         (0..system.n_bodies()).filter(is_force).all(|k| left[k] <= bound(k))
     }
 
-    /// The part that the residual is of the forces in it, those that cancel inside a term included: what rounding hides where it is larger
-    /// than the residual. The largest over the bodies.
-    pub(crate) fn hidden(&self, u: &[f64], written: &Residual) -> Evaluated<f64> {
-        let system = self.system;
+    /// The part that the residual is of the forces in it, those that cancel inside a term included, and of the summands of a single
+    /// equation: what rounding hides where it is larger than the residual. The largest over the bodies and equations.
+    pub(crate) fn hidden(&self, u: &[f64], here: &Measured) -> Evaluated<f64> {
+        let (system, written) = (self.system, &here.written);
         let is_free = |d: usize| system.numbering.free[d] != FIXED;
         let free: Vec<f64> =
             written.values.iter().enumerate().map(|(d, x)| if is_free(d) { *x } else { 0.0 }).collect();
         let (left, forces) = (system.largest_of_alike(&free), system.largest_of_alike(&system.summed(u)?));
-        let is_force = |body: &usize| {
-            let field = system.field_of_body(*body);
-            system.range(field).is_some() && !system.has_single_equations(field)
-        };
-        let parts = (0..system.n_bodies()).filter(is_force).filter(|body| left[*body] > 0.0);
-        Ok(parts.map(|body| left[body] / forces[body].max(left[body])).fold(0.0, f64::max))
+        let unknown = (0..system.n_bodies()).filter(|body| system.range(system.field_of_body(*body)).is_some());
+        let part = |left: f64, of: f64| if left > 0.0 { left / of.max(left) } else { 0.0 };
+        let mut parts = 0.0f64;
+        for body in unknown {
+            parts = parts.max(if system.has_single_equations(system.field_of_body(body)) {
+                let own = system.dofs_of_body(body).filter(|d| is_free(*d));
+                own.map(|d| part(free[d].abs(), here.summands[d])).fold(0.0, f64::max)
+            } else {
+                part(left[body], forces[body])
+            });
+        }
+        let mut parts = [parts];
+        system.team().max(&mut parts);
+        Ok(parts[0])
     }
 
     /// By body what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether

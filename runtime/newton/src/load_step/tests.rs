@@ -2,7 +2,7 @@ use super::{scales::roundoff, *};
 use crate::{Silent, test_block::LAPLACE, tests::Solving};
 
 fn norm() -> Norm {
-    Norm { weights: vec![1.0], equations: Vec::new(), scales: Vec::new(), frozen: false }
+    Norm { weights: vec![1.0], equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: false }
 }
 
 fn measured(relative: f64, settled: bool, no_force: bool) -> Measured {
@@ -11,8 +11,8 @@ fn measured(relative: f64, settled: bool, no_force: bool) -> Measured {
         written: Residual::default(),
         summands: Vec::new(),
         relative,
-        of_forces: 0.0,
         floor: 0.0,
+        is_open: false,
         settled,
         bounded: settled,
         no_force,
