@@ -1,7 +1,7 @@
 //! The iterations of one attempt at a step.
 
 use super::{
-    Evaluated, LoadStep, Method, NewtonError, StepHistory, Stop,
+    Evaluated, LARGEST_TOLERANCE, LoadStep, Method, NewtonError, StepHistory, Stop,
     inexact::Inexact,
     initial_guess::Predicted,
     line_search::{LARGEST_FORCING, LineSearch},
@@ -10,6 +10,7 @@ use super::{
     refinement,
     rest::Rest,
     schedule::{BUDGET_OF_PATHS, Schedule},
+    swallowed,
 };
 use wfl_contact::Contact;
 use wfl_discrete::system::LinearTerms;
@@ -224,8 +225,8 @@ impl Attempt<'_> {
             if stop.is_some() && (hidden <= HIDDEN || step.system.is_linear()) {
                 return Ok(stop);
             }
-            if stop.is_some() && self.doubtful.as_ref().is_none_or(|(least, _)| hidden < *least) {
-                self.doubtful = Some((hidden, self.u.to_vec()));
+            if stop.is_some() {
+                self.doubt(hidden);
             }
         }
         if self.doubts < DOUBTS {
@@ -250,9 +251,20 @@ impl Attempt<'_> {
         Ok(Some(Stop::Floor))
     }
 
+    /// Keeps this state, of whose forces rounding hides a part, where it is the one that hides least.
+    fn doubt(&mut self, hidden: f64) {
+        if self.doubtful.as_ref().is_none_or(|(least, _)| hidden < *least) {
+            self.doubtful = Some((hidden, self.u.to_vec()));
+        }
+    }
+
     /// Goes to the state of rest where the unknowns have vanished and that solves the equations; whether it does.
     fn comes_to_rest(&mut self, step: &mut LoadStep<'_>) -> bool {
-        let Some(rest) = Rest::of(step, self.u, &self.before) else { return false };
+        // of what was at rest an iteration that gains nothing has found no more than rounding of other fields, or what moves it
+        let stalls = self.history.iterations.len() > 1 && !self.falls();
+        let beside = |before: &f64| if *before == 0.0 && stalls { f64::INFINITY } else { *before };
+        let before: Vec<f64> = self.before.iter().map(beside).collect();
+        let Some(rest) = Rest::of(step, self.u, &before) else { return false };
         let Ok(found) = step.measure(&rest.state, &self.norm) else { return false };
         if !rest.solves(step.system, &found.written.values) || found.stop(step.options).is_none() {
             return false;
@@ -444,6 +456,13 @@ impl Attempt<'_> {
             }
             part
         } else {
+            if self.here.relative > LARGEST_TOLERANCE
+                && swallowed::lengthen(step.system, self.u, &self.here.residual, &mut self.direction)
+            {
+                // by its own tangent there is nothing better than this state
+                let hidden = step.hidden(self.u, &self.here)?;
+                self.doubt(hidden);
+            }
             let search = LineSearch {
                 direction: &self.direction,
                 norm: &self.norm,

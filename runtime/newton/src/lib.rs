@@ -24,6 +24,7 @@ mod path_following;
 mod refinement;
 mod rest;
 mod schedule;
+mod swallowed;
 
 #[cfg(test)]
 #[path = "../../contact/src/test_block.rs"]

@@ -24,7 +24,7 @@ pub(super) struct Rest {
 
 impl Rest {
     /// Of the bodies that no loads act on and that have vanished beside `before`, their largest unknowns by body when the
-    /// attempt began; `None` where there are none, or multipliers alone: these vanish where contact opens.
+    /// attempt began, or infinity for any that may be at rest; `None` where there are none, or multipliers alone: these vanish where contact opens.
     pub(super) fn of(step: &LoadStep<'_>, u: &[f64], before: &[f64]) -> Option<Self> {
         let system = step.system;
         let loaded = system.loaded();

@@ -156,23 +156,26 @@ impl LoadStep<'_> {
         let (cancels, moved) = (system.largest_of_alike(sizes), system.largest_of_alike(u));
         let placed = if positions.is_empty() { vec![0.0; scales.len()] } else { system.largest_of_alike(positions) };
         let extent = system.extent();
-        let is_hidden = |k: &usize| {
-            let rounding = FLOOR_FACTOR * f64::EPSILON * (cancels[*k] + placed[*k]);
-            // a stiffness over the extent: of a gradient beside 1 the rounding is that of 1
-            let strained = if moved[*k] > 0.0 { cancels[*k] / moved[*k] * extent } else { 0.0 };
-            rounding > self.options.tolerance * scales[*k]
-                || !system.is_linear() && UNSTRAINED * f64::EPSILON * strained > scales[*k]
+        // a stiffness over the extent: of a gradient beside 1 the rounding is that of 1
+        let strained = |k: usize| {
+            let bends = moved[k] > 0.0 && !system.is_linear();
+            if bends { UNSTRAINED * f64::EPSILON * cancels[k] / moved[k] * extent } else { 0.0 }
         };
+        let rounding = |k: usize| FLOOR_FACTOR * f64::EPSILON * (cancels[k] + placed[k]);
+        let is_hidden = |k: &usize| rounding(*k) > self.options.tolerance * scales[*k] || strained(*k) > scales[*k];
         let mut loaded = system.loaded();
         if !of_forces.iter().any(is_hidden) {
             return Ok(Scales { scales, loaded, no_force: false });
         }
         let parts = system.largest_of_alike(&system.contributions(u)?);
+        // what may be rounding is no more than this: forces between two fields of one unit cancel however small what they carry is
+        let hidden: Vec<f64> =
+            (0..scales.len()).map(|k| rounding(k).max(strained(k)) / self.options.tolerance).collect();
         let cancels = system.largest_of_alike(&system.cancelled(u, written));
         let before = system.past().map(|past| system.largest_of_alike(&past.unknowns));
         let mut no_force = false;
         for k in of_forces {
-            scales[k] = largest_of([scales[k], parts[k]]);
+            scales[k] = largest_of([scales[k], parts[k].min(hidden[k])]);
             let rounding = FLOOR_FACTOR * f64::EPSILON * (cancels[k] + placed[k]);
             // loads are known exactly, however small they are, but for those that were rounding already beside the state at
             // the end of the last step: what stores much heat feels no load of 1e-300
