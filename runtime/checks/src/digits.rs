@@ -64,19 +64,20 @@ pub fn digits(state: Solved<'_>, solver: &mut LinearSolver, correction: Option<f
     worst
 }
 
-/// What rounding and a residual of the part `left` of what residuals are relative to may change of the unknowns, by dof, as one set
-/// of signs says. `None` where that cannot be found.
+/// What rounding and a residual of the part `left` of the forces may change of the unknowns, by dof, as one set of signs says. Single
+/// equations have no more left than rounding and what stands in the residual: they are solved for beside what they began with,
+/// not beside what cancels in them. `None` where that cannot be found.
 #[must_use]
 pub fn uncertainty_of_unknowns(state: Solved<'_>, solver: &mut LinearSolver, left: f64) -> Option<Vec<f64>> {
     let Solved { system, u, residual, tangent, .. } = state;
     let mut uncertainty = system.rounding(u, residual, tangent);
     if left > 0.0 {
         let sizes = system.sizes(u, residual, tangent);
-        let (scales, summands) = (system.scales(residual, &sizes), system.summands(u, residual));
-        for body in system.unknown_bodies() {
-            let single = system.has_single_equations(system.field_of_body(body));
+        let scales = system.scales(residual, &sizes);
+        let forces = |body: &usize| !system.has_single_equations(system.field_of_body(*body));
+        for body in system.unknown_bodies().filter(forces) {
             for d in system.dofs_of_body(body) {
-                uncertainty[d] += left * if single { summands[d] } else { scales[body] };
+                uncertainty[d] += left * scales[body];
             }
         }
     }

@@ -104,7 +104,8 @@ fn from_one(
 
 /// Goes downhill to a minimum; false where none was reached.
 fn descend(step: &mut LoadStep<'_>, u: &mut [f64], history: &mut StepHistory) -> Result<bool, NewtonError> {
-    let norm = Norm { weights: step.weights(), equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: false };
+    let norm =
+        Norm { weights: step.weights(), equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: false };
     let mut here = step.measure(u, &norm)?;
     let mut shift = SMALLEST_SHIFT;
     for _ in 0..step.options.max_iterations {

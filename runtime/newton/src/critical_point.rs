@@ -12,8 +12,7 @@ use wfl_compiler::{Class, types::FieldKind};
 
 use super::{
     LoadStep, Method, NewtonError,
-    line_search::LARGEST_FORCING,
-    load_step::{Measured, Norm},
+    load_step::{LARGEST_FORCING, Measured, Norm},
 };
 use wfl_discrete::system::System;
 
@@ -69,12 +68,21 @@ impl Slope {
                 let (mut rhs, mut correction) = (Vec::new(), Vec::new());
                 system.numbering.gather(residual, &mut rhs);
                 step.solve(&rhs, &mut correction, LARGEST_FORCING)?;
-                let own = dofs.iter().zip(motion.iter().zip(&correction)).filter(|(dof, _)| system.owns(**dof as usize));
+                let own =
+                    dofs.iter().zip(motion.iter().zip(&correction)).filter(|(dof, _)| system.owns(**dof as usize));
                 own.map(|(_, (d, c))| d * c).sum()
             }
         };
         Ok(system.team().total(part))
     }
+}
+
+/// Where a direction begins, and what is followed along it.
+struct Beginning {
+    base: Vec<f64>,
+    measure: Slope,
+    /// It at the beginning.
+    slope: f64,
 }
 
 /// True if the slope that is left, as a part of what it was, is small; it is negative uphill.
@@ -119,22 +127,8 @@ impl CriticalPoint<'_> {
         start: &[f64],
         here: &Measured,
     ) -> Result<Option<(f64, Measured)>, NewtonError> {
-        let system = step.system;
-        let (motion, forces) = self.parts(system);
-        let mut base = start.to_vec();
-        let mut measure = Slope::Energy;
-        let mut first;
-        if let Some(forces) = &forces {
-            step.go(start, forces, 1.0, &mut base);
-            let loaded = step.measure(&base, self.norm)?;
-            first = measure.of(step, &motion, &loaded.residual)?;
-        } else {
-            first = measure.of(step, &motion, &here.residual)?;
-            if first >= 0.0 && self.is_correction {
-                measure = Slope::Correction;
-                first = measure.of(step, &motion, &here.residual)?;
-            }
-        }
+        let (motion, forces) = self.parts(step.system);
+        let Beginning { base, measure, slope: first } = self.begin(step, start, here, (&motion, forces.as_deref()))?;
         if first >= 0.0 || first.is_nan() {
             return Ok(None);
         }
@@ -178,6 +172,30 @@ impl CriticalPoint<'_> {
             return self.taken(step, u, start, (low, found), forces.as_deref()).map(Some);
         }
         Ok(None)
+    }
+
+    /// Where a direction begins that moves bodies and may change `forces`, and how steep it is there.
+    fn begin(
+        &self,
+        step: &mut LoadStep<'_>,
+        start: &[f64],
+        here: &Measured,
+        direction: (&[f64], Option<&[f64]>),
+    ) -> Result<Beginning, NewtonError> {
+        let (motion, forces) = direction;
+        let mut base = start.to_vec();
+        if let Some(forces) = forces {
+            step.go(start, forces, 1.0, &mut base);
+            let loaded = step.measure(&base, self.norm)?;
+            let slope = Slope::Energy.of(step, motion, &loaded.residual)?;
+            return Ok(Beginning { base, measure: Slope::Energy, slope });
+        }
+        let slope = Slope::Energy.of(step, motion, &here.residual)?;
+        if slope >= 0.0 && self.is_correction {
+            let slope = Slope::Correction.of(step, motion, &here.residual)?;
+            return Ok(Beginning { base, measure: Slope::Correction, slope });
+        }
+        Ok(Beginning { base, measure: Slope::Energy, slope })
     }
 
     /// The step that is taken: multipliers, where there are forces of theirs, go as far as the bodies do, at most to what the
@@ -247,7 +265,13 @@ mod tests {
         let mut solving = Solving::new(&[CUBIC, "[0,2].Test_u"], &[]);
         solving.u = solving.block.moved([0.0, start], [0.0; 2]);
         solving.with(&mut Silent, |step, u| {
-            let norm = Norm { weights: vec![1.0], equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: false };
+            let norm = Norm {
+                weights: vec![1.0],
+                equations: Vec::new(),
+                began: Vec::new(),
+                scales: Vec::new(),
+                frozen: false,
+            };
             let here = step.measure(u, &norm).unwrap();
             let down = |dof: &u32| if dof % 2 == 1 { direction } else { 0.0 };
             let direction_of: Vec<f64> = step.system.numbering.free_dofs.iter().map(down).collect();
@@ -295,7 +319,13 @@ mod tests {
         let mut solving = Solving::new(&[LAPLACE], &[STEEP]);
         solving.u = solving.block.moved([1e-3, 0.0], [0.0; 2]);
         solving.with(&mut Silent, |step, u| {
-            let norm = Norm { weights: vec![1.0], equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: false };
+            let norm = Norm {
+                weights: vec![1.0],
+                equations: Vec::new(),
+                began: Vec::new(),
+                scales: Vec::new(),
+                frozen: false,
+            };
             let here = step.measure(u, &norm).unwrap();
             let back = |dof: &u32| if dof % 2 == 0 { -0.3 } else { 0.0 };
             let direction: Vec<f64> = step.system.numbering.free_dofs.iter().map(back).collect();

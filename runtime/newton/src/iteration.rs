@@ -4,8 +4,8 @@ use super::{
     Evaluated, LARGEST_TOLERANCE, LoadStep, Method, NewtonError, StepHistory, Stop,
     inexact::Inexact,
     initial_guess::Predicted,
-    line_search::{LARGEST_FORCING, LineSearch},
-    load_step::{Done, Measured, Norm},
+    line_search::LineSearch,
+    load_step::{Done, HIDDEN, LARGEST_FORCING, Measured, Norm},
     path_following::Path,
     refinement,
     rest::Rest,
@@ -21,9 +21,6 @@ use wfl_sparse::solve::SolveError;
 const OF_THE_NEXT: f64 = 0.1;
 const OF_THE_TOLERANCE: f64 = 1e-3;
 
-/// Part of the forces that rounding may hide without a doubt: three digits are what a result is told without. What hides more is often
-/// the slope of a law where the iteration stands, and none where it is going.
-const HIDDEN: f64 = 1e-3;
 /// How many iterations go on from states that hide more: as many as a line search takes to leave a slope that is a million
 /// times too steep, and Newton's method behind it.
 const DOUBTS: usize = 30;
@@ -54,6 +51,8 @@ struct Attempt<'u> {
     /// the iterations that went on from the first one.
     doubtful: Option<(f64, Vec<f64>)>,
     doubts: usize,
+    /// Of the states from which a correction was lost the one that hides least: if nothing better is found it is what there is.
+    lost: Option<(f64, Vec<f64>)>,
     /// Iterations that held what the first tangent left loose, why it was singular with contact as it was, and what the next one
     /// holds.
     held: usize,
@@ -116,6 +115,7 @@ pub(super) fn iterate(
         not_held: None,
         doubtful: None,
         doubts: 0,
+        lost: None,
         held: 0,
         loose: None,
         holds: None,
@@ -195,6 +195,7 @@ impl Attempt<'_> {
             }
         }
         self.doubts = DOUBTS;
+        self.doubtful = self.doubtful.take().or(self.lost.take());
         let stop = self.confirmed(step)?;
         if stop.is_none()
             && let Some(error) = self.found_loose(step)?
@@ -226,7 +227,7 @@ impl Attempt<'_> {
                 return Ok(stop);
             }
             if stop.is_some() {
-                self.doubt(hidden);
+                doubt(&mut self.doubtful, hidden, self.u);
             }
         }
         if self.doubts < DOUBTS {
@@ -249,13 +250,6 @@ impl Attempt<'_> {
         let _ = step.solver.take_other_sign();
         self.history.hidden = hidden;
         Ok(Some(Stop::Floor))
-    }
-
-    /// Keeps this state, of whose forces rounding hides a part, where it is the one that hides least.
-    fn doubt(&mut self, hidden: f64) {
-        if self.doubtful.as_ref().is_none_or(|(least, _)| hidden < *least) {
-            self.doubtful = Some((hidden, self.u.to_vec()));
-        }
     }
 
     /// Goes to the state of rest where the unknowns have vanished and that solves the equations; whether it does.
@@ -459,9 +453,8 @@ impl Attempt<'_> {
             if self.here.relative > LARGEST_TOLERANCE
                 && swallowed::lengthen(step.system, self.u, &self.here.residual, &mut self.direction)
             {
-                // by its own tangent there is nothing better than this state
                 let hidden = step.hidden(self.u, &self.here)?;
-                self.doubt(hidden);
+                doubt(&mut self.lost, hidden, self.u);
             }
             let search = LineSearch {
                 direction: &self.direction,
@@ -492,6 +485,13 @@ impl Attempt<'_> {
         step.contact.set_overstress(self.schedule.overstress());
         self.here.residual = step.system.frozen_residual(&self.here.written, self.u, step.contact.active_set())?;
         Ok(changes.changed)
+    }
+}
+
+/// Keeps a state, of whose forces rounding hides a part, where it is the one that hides least.
+fn doubt(doubtful: &mut Option<(f64, Vec<f64>)>, hidden: f64, u: &[f64]) {
+    if doubtful.as_ref().is_none_or(|(least, _)| hidden < *least) {
+        *doubtful = Some((hidden, u.to_vec()));
     }
 }
 

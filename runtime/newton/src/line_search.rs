@@ -5,11 +5,9 @@
 use super::{
     LoadStep, Method, NewtonError,
     critical_point::{self, CriticalPoint},
-    load_step::{Measured, Norm},
+    load_step::{LARGEST_FORCING, Measured, Norm},
 };
 
-/// What a linear solve may leave, relative to the residual at hand: no more than a full step has to gain at least.
-pub(super) const LARGEST_FORCING: f64 = 1e-4;
 /// Halvings of a step before the best one seen is taken: the shortest is a thousandth. With three to five nearly incompressible
 /// bodies fail (`docs/newton.md`).
 const MAX_HALVINGS: usize = 10;
@@ -264,7 +262,13 @@ mod tests {
         let mut solving = Solving::new(&[LAPLACE, "[0,2].Test_u"], &[]);
         solving.options.search = search;
         solving.with(&mut Silent, |step, u| {
-            let norm = Norm { weights: vec![1.0], equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: false };
+            let norm = Norm {
+                weights: vec![1.0],
+                equations: Vec::new(),
+                began: Vec::new(),
+                scales: Vec::new(),
+                frozen: false,
+            };
             let here = step.measure(u, &norm).unwrap();
             let down = |dof: &u32| if dof % 2 == 1 { -part } else { 0.0 };
             let direction: Vec<f64> = step.system.numbering.free_dofs.iter().map(down).collect();

@@ -18,6 +18,13 @@ use wfl_sparse::solve::{SolveError, SolveReport};
 /// different signs cancel in part.
 const FLOOR_FACTOR: f64 = 4.0;
 
+/// What a linear solve may leave, relative to the residual at hand: no more than a full step has to gain at least.
+pub(super) const LARGEST_FORCING: f64 = 1e-4;
+
+/// Part of the forces that rounding may hide without a doubt: three digits are what a result is told without. What hides more is often
+/// the slope of a law where the iteration stands, and none where it is going.
+pub(super) const HIDDEN: f64 = 1e-3;
+
 /// A line search sees an equation relative to at least this part of the largest of its field: the square root of roundoff,
 /// so that rounding of the larger ones weighs as much as a residual of that size does.
 const LEAST_IN_SEARCH: f64 = 1.5e-8;

@@ -28,6 +28,10 @@ struct BodyMeasure {
     steep: bool,
 }
 
+/// So much larger than the tolerance is what may be left of what an equation began with: six digits of ten. What a step does to
+/// an equation is small beside what cancels in it, and one correction in four would be made for digits that no result shows.
+const OF_BEGINNING: f64 = 1e4;
+
 /// What is known of a single equation.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Equation {
@@ -65,8 +69,8 @@ impl BodyMeasures {
         }
     }
 
-    /// Adds equations. Each is solved for once the tolerance is left of what cancels in it, and of what was left of it when the step
-    /// began: positions far from the origin and pressures of the deep cancel whatever moves, and a load that is small beside
+    /// Adds equations. Each is solved for once the tolerance is left of what cancels in it, and [`OF_BEGINNING`] tolerances of what was
+    /// left of it when the step began: positions far from the origin and pressures of the deep cancel whatever moves, and a load that is small beside
     /// them is to be balanced all the same.
     pub(crate) fn add_equations(&mut self, body: usize, equations: &[Equation], tolerance: f64) {
         let f = &mut self.bodies[body];
@@ -75,7 +79,7 @@ impl BodyMeasures {
             let scale = e.scale.max(NOTHING);
             f.relative = f.relative.max(e.residual / scale);
             f.floor = f.floor.max(e.rounding / scale);
-            let asked = e.began.min(scale);
+            let asked = (OF_BEGINNING * e.began).min(scale);
             f.open |= e.residual > tolerance * asked && !(e.rounding.is_finite() && e.residual <= e.rounding);
         }
     }
@@ -146,9 +150,9 @@ mod tests {
             assert_eq!(all.has_open_equation(), !all.are_settled(|_| false, 1e-10));
             all.are_settled(|_| false, 1e-10)
         };
-        assert!(!settled(1e-3, 1e-8) && !settled(1e-7, 1e-8));
+        assert!(!settled(1e-3, 1e-8) && !settled(2e-8, 1e-8));
         assert!(settled(1e-9, 1e-8), "that is rounding");
-        assert!(settled(1e-14, 1e-20));
+        assert!(settled(0.9e-9, 1e-20) && !settled(1.1e-9, 1e-20), "six digits of the load");
     }
 
     #[test]

@@ -124,7 +124,8 @@ mod tests {
     fn follow(cells: &[&str], floor: &str) -> (Vec<f64>, Vec<f64>, bool) {
         let mut solving = Solving::new(cells, &[floor]);
         solving.with(&mut Silent, |step, u| {
-            let norm = Norm { weights: vec![1.0], equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: true };
+            let norm =
+                Norm { weights: vec![1.0], equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen: true };
             step.contact.freeze_as_written(step.system, u);
             let residual = step.system.residual(u, &step.form()).unwrap();
             let mut path = Path::new(&residual.values);

@@ -251,7 +251,15 @@ measured by 1e-16 of the largest.
 **Laws that are steep at rest.** Friction that grows with the logarithm of the slip rate may be 1e30 times as stiff at a
 rate of zero as the bodies, of whose stiffness no digit is left in the tangent then. Where the tangent is singular for
 that reason, a step is taken with a tangent that is 7e7 times as stiff as the bodies. A matrix counts as singular (E602)
-only if it is so with rows and columns each scaled to entries of 1.
+only if it is so with rows and columns each scaled to entries of 1. From a rate above the solution a correction leads
+hundreds of times too far, to a slip that turns round within 1e-87: the critical-point line search serves laws on faces as
+well, and ends at the last number before the force turns. Where friction couples the pressure into the tangent, so that the
+residual times the correction does not fall along it, it follows the simplified Newton correction. A correction that is lost
+beside the displacement is made one number long.
+
+**What a single equation is relative to.** The tolerance is one of what cancels in it, and 1e4 times the tolerance one of what
+was left of it when the step began: a gap between positions at 1000, or a pressure of 50 MPa on both sides of a skin, cancels whatever moves. A
+state whose residual is no more than rounding may leave is corrected once before it is taken.
 
 **Rounding.** If the residual is the rounding error of the product of matrix and state, the linear terms are evaluated
 at their integration points and the state is improved by iterative refinement (`refinement`).

@@ -13,6 +13,7 @@ mod joints;
 mod jumps;
 mod language;
 mod mechanics;
+mod offsets;
 mod open;
 mod singular;
 mod stability;

@@ -3,7 +3,7 @@
 use wfl_discrete::finite::largest as largest_of;
 use wfl_discrete::system::{FIXED, Residual};
 
-use super::{FLOOR_FACTOR, LoadStep, Measured};
+use super::{FLOOR_FACTOR, HIDDEN, LoadStep, Measured};
 use crate::{
     Evaluated,
     measures::{BodyMeasures, Equation},
@@ -13,6 +13,10 @@ use crate::{
 /// made of is known: sums over a hundred entries in three directions err by some hundred units, and a strain of 2e-13 is far
 /// below any that is meant.
 const UNSTRAINED: f64 = 1e3;
+
+/// A law is straight within rounding where its residual changes by no less than this part of what its slope foretells: what other
+/// unknowns that move with it take away is less.
+const STRAIGHT: f64 = 0.1;
 
 /// What relative residuals are relative to.
 pub(super) struct Scales {
@@ -120,28 +124,53 @@ impl LoadStep<'_> {
         (0..system.n_bodies()).filter(is_force).all(|k| left[k] <= bound(k))
     }
 
-    /// The part that the residual is of the forces in it, those that cancel inside a term included, and of the summands of a single
-    /// equation: what rounding hides where it is larger than the residual. The largest over the bodies and equations.
+    /// The part that the residual is of the forces in it, those that cancel inside a term included: what rounding hides where it is
+    /// larger than the residual. The largest over the bodies, and over the single equations that turn within rounding.
     pub(crate) fn hidden(&self, u: &[f64], here: &Measured) -> Evaluated<f64> {
         let (system, written) = (self.system, &here.written);
         let is_free = |d: usize| system.numbering.free[d] != FIXED;
         let free: Vec<f64> =
             written.values.iter().enumerate().map(|(d, x)| if is_free(d) { *x } else { 0.0 }).collect();
         let (left, forces) = (system.largest_of_alike(&free), system.largest_of_alike(&system.summed(u)?));
-        let unknown = (0..system.n_bodies()).filter(|body| system.range(system.field_of_body(*body)).is_some());
-        let part = |left: f64, of: f64| if left > 0.0 { left / of.max(left) } else { 0.0 };
-        let mut parts = 0.0f64;
-        for body in unknown {
-            parts = parts.max(if system.has_single_equations(system.field_of_body(body)) {
-                let own = system.dofs_of_body(body).filter(|d| is_free(*d));
-                own.map(|d| part(free[d].abs(), here.summands[d])).fold(0.0, f64::max)
-            } else {
-                part(left[body], forces[body])
-            });
+        let is_force = |body: &usize| {
+            let field = system.field_of_body(*body);
+            system.range(field).is_some() && !system.has_single_equations(field)
+        };
+        let parts = (0..system.n_bodies()).filter(is_force).filter(|body| left[*body] > 0.0);
+        let of_forces = parts.map(|body| left[body] / forces[body].max(left[body])).fold(0.0, f64::max);
+        Ok(system.team().largest(self.hidden_by_turns(u, here)?).max(of_forces))
+    }
+
+    /// The part that the residual of a single equation is of its summands, the largest over those whose law turns within rounding of
+    /// its own unknown: the slope that rounding is measured by is not that of the law one number further on. A rate in a short
+    /// step is rounding as well, but of a law that is straight there, and rounding without a meaning for the state.
+    fn hidden_by_turns(&self, u: &[f64], here: &Measured) -> Evaluated<f64> {
+        let (system, written) = (self.system, &here.written);
+        let is_single = |body: &usize| system.has_single_equations(system.field_of_body(*body));
+        let solved = system.unknown_bodies().filter(is_single).flat_map(|body| system.dofs_of_body(body));
+        let free = |d: usize| system.numbering.free[d];
+        let open = solved.filter(|d| free(*d) != FIXED && written.values[*d].abs() > HIDDEN * here.summands[*d]);
+        let slope = |d: usize| {
+            let row = free(d) as usize;
+            system.bulk().get(row, row) + self.tangent.changing.get(row, row)
+        };
+        // by dof, the change of the residual that the slope foretells
+        let (mut moved, mut foretold) = (u.to_vec(), Vec::new());
+        for d in open {
+            let step = (u[d].abs().next_up() - u[d].abs()).copysign(-written.values[d] * slope(d));
+            moved[d] = u[d] + step;
+            foretold.push((d, slope(d) * (moved[d] - u[d])));
         }
-        let mut parts = [parts];
-        system.team().max(&mut parts);
-        Ok(parts[0])
+        if system.team().all(foretold.is_empty()) {
+            return Ok(0.0);
+        }
+        let there = system.residual(&moved, &self.form())?;
+        let turns = |(d, by): &&(usize, f64)| (there.values[*d] - written.values[*d]).abs() < STRAIGHT * by.abs();
+        let parts = foretold.iter().filter(turns).map(|(d, _)| {
+            let left = written.values[*d].abs();
+            left / here.summands[*d].max(left)
+        });
+        Ok(parts.fold(0.0, f64::max))
     }
 
     /// By body what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether

@@ -1,0 +1,122 @@
+//! Equations of a single number in which much cancels that stands still: positions far from the origin, absolute pressures,
+//! stiff ties. A load that is small beside it is balanced all the same.
+
+use super::run;
+
+/// A spring of 1e4 between two masses at 1000 and 1001, one of 1 to the wall, and a pull of 1e-3: both move by F/k.
+#[test]
+fn masses_at_their_positions_are_pulled() {
+    let scene = "mesh box [0] to [1] cells [1] segment with idle_cells=allowed\nunknown a : scalar global\nunknown b : scalar global\n\
+                 start a = 1000\nstart b = 1001\nterm pair on global : 1e4*(b - a - 1)*(Test_b - Test_a)\n\
+                 term wall on global : (a - 1000)*Test_a\nterm pull on global : -1e-3*Test_b\n\
+                 measure da = max(a - 1000) on global\nmeasure db = max(b - 1001) on global\n";
+    let ran = run("offset-masses", scene, &[]);
+    assert_eq!(ran.code, 0, "{}", ran.text);
+    assert!((ran.last("da") - 1e-3).abs() < 1e-8, "{}", ran.text);
+    assert!((ran.last("db") - 1e-3 - 1e-7).abs() < 1e-8, "{}", ran.text);
+}
+
+/// A rigid plate whose height above the origin is the unknown, on an elastic block of 1000 that is not divided across: the
+/// block carries F = 10, and shortens by F L/E.
+#[test]
+fn a_plate_with_its_height_as_unknown_rests_on_a_block() {
+    for (gamma, height) in [("1e3", 1.0), ("1e5", 1.0), ("1e5", 100.0), ("1e7", 1.0)] {
+        let scene = format!(
+            "param L = {height}\nmesh box [0,0] to [1,L] cells [1,4] quad\nregion top = faces where y == L\n\
+             region floor = faces where y == 0\nregion sides = faces where x == 0 or x == 1\n\
+             unknown u : vector\nunknown h : scalar global\nstart h = L\ndef p = {gamma}*pos_part(y + u(2) - h)\n\
+             term body on all : 1000*Sym(Grad_u):Grad_Test_u\nterm contact on top : p*(Test_u(2) - Test_h)\n\
+             term weight on global : 10*Test_h\nfix u(2) = 0 on floor\nfix u(1) = 0 on sides\n\
+             measure N = integral(p) on top\nmeasure R = reaction(u(2)) on floor\nmeasure short = -mean(u(2)) on top\n"
+        );
+        let ran = run(&format!("offset-plate-{gamma}-{height}"), &scene, &[]);
+        assert_eq!(ran.code, 0, "{}", ran.text);
+        for (name, right) in [("N", 10.0), ("R", -10.0), ("short", 10.0 * height / 1000.0)] {
+            assert!((ran.last(name) / right - 1.0).abs() < 1e-4, "{gamma} {height} {name}: {}", ran.text);
+        }
+    }
+}
+
+/// A well at an absolute pressure of 5e7 behind a skin that is conducting: the rise beside it is that of the bar of rock alone, and
+/// what is injected is stored or leaves. Against the same scene with pressures that begin at zero.
+#[test]
+fn a_well_at_an_absolute_pressure_injects() {
+    for (kind, place) in [("global", "global"), ("on face", "face")] {
+        for index in ["1e-6", "1e-5", "1e-3"] {
+            let ran = |p0: &str| {
+                let scene = format!(
+                    "param p0 = {p0}\nmesh box [0] to [100] cells [20] segment\nregion face = faces where x == 0\n\
+                     region far = faces where x == 100\nunknown p : scalar\nunknown P : scalar {kind}\nstart p = p0\nstart P = p0\n\
+                     term stored on all : 1e-9*Dot_p*Test_p\nterm flow on all : 1e-11*Grad_p.Grad_Test_p\n\
+                     term well on face : {index}*(p - P)*(Test_p - Test_P)\nterm injected on {place} : -1e-6*Test_P\n\
+                     fix p = p0 on far\nsteps t = 0 to 1e6 by 2e5\nmeasure rise = max(p - p0) on face\n\
+                     measure out = reaction(p) on far\n"
+                );
+                run(&format!("offset-well-{kind}-{index}-{p0}"), &scene, &[])
+            };
+            let (deep, shallow) = (ran("5e7"), ran("0"));
+            assert!(deep.code == 0 && shallow.code == 0, "{}", deep.text);
+            let [rise, right] = [deep.last("rise"), shallow.last("rise")];
+            assert!((rise / right - 1.0).abs() < 1e-5, "{kind} {index}: {rise} for {right}");
+        }
+    }
+}
+
+/// The same rock beside a fault whose leak-off grows with the pressure, at an absolute pressure: no step may take its start for
+/// its end because rounding hides the difference. Against the same law with pressures that begin at zero.
+#[test]
+fn a_leak_off_at_an_absolute_pressure_is_not_left_out() {
+    let rise = |p0: &str, leak: &str| {
+        let scene = format!(
+            "param p0 = {p0}\nmesh box [0,-10] to [20,10] cells [4,4] quad\nregion below = cells where y < 0\n\
+             region above = cells where y > 0\nregion fault = interface from below to above\n\
+             region well = nodes of fault where x == 0\nregion far = faces where y == -10 or y == 10\nunknown p : scalar\n\
+             unknown pf : scalar on fault\nsplit p across fault\nstart p = p0\nstart pf = p0\n\
+             def q(v) = {leak}*(1 + 1e-16*(pf - p0)^2)*(pf - v)\nterm stored on all : 1e-9*Dot_p*Test_p\n\
+             term rock on all : 1e-11*Grad_p.Grad_Test_p\nterm flow on fault : 1e-9*Grad_pf.Grad_Test_pf\n\
+             term leak on fault : q(p)*(Test_pf - Test_p) + q(Interpolate(p, neighbor_element))*(Test_pf - Interpolate(Test_p, neighbor_element))\n\
+             load pf = 1e-7 on well\nfix p = p0 on far\nsteps t = 0 to 1e4 by 1e3\nmeasure rise = max(pf - p0) on fault\n"
+        );
+        let ran = run(&format!("offset-leak-{p0}-{leak}"), &scene, &[]);
+        assert_eq!(ran.code, 0, "{}", ran.text);
+        ran.last("rise")
+    };
+    for leak in ["1e-4", "1e-2"] {
+        let (deep, shallow) = (rise("5e7", leak), rise("0", leak));
+        assert!((deep / shallow - 1.0).abs() < 1e-3, "{leak}: {deep} for {shallow}");
+    }
+}
+
+/// A mass of 1 at a height of 1000 falls g t^2/2 by the trapezoidal rule, in steps so short that its inertia hides its weight.
+#[test]
+fn a_mass_falls_from_far_above() {
+    let scene = "mesh box [0] to [1] cells [1] segment with idle_cells=allowed\nunknown h : scalar global\nstart h = 1000\n\
+                 term motion on global : (Dot2_h + 9.81)*Test_h\nscheme newmark\nsteps t = 0 to 1e-2 by 1e-4\n\
+                 measure fall = max(h - 1000) on global\n";
+    let ran = run("offset-fall", scene, &[]);
+    assert_eq!(ran.code, 0, "{}", ran.text);
+    assert!((ran.last("fall") + 4.905e-4).abs() < 1e-8, "{}", ran.text);
+}
+
+/// Heat crosses to a block that does not move yet: its displacement is zero but for rounding that the solution of both leaves.
+#[test]
+fn a_body_at_rest_beside_heat_is_at_rest() {
+    for cells in [2, 4, 8] {
+        let scene = format!(
+            "mesh box [0,0] to [1,1] cells [{cells},{cells}] quad\nregion floor = faces where y == 0\nregion top = faces where y == 1\n\
+             unknown u : vector\nunknown T : scalar\ndef gap = 0.0047 - u.Normal\n\
+             term body on all : 1000*Sym(Grad_u):Grad_Test_u\nterm heat on all : Grad_T.Grad_Test_T\n\
+             term contact on floor : 1e5*pos_part(-gap)*(Test_u.Normal)\n\
+             term cross on floor : 1/(pos_part(gap) + 1e-3)*T*Test_T\nfix u = [0,-0.01*t] on top\nfix T = 1 on top\n\
+             steps t = 0 to 1 by 0.5\nmeasure warm = mean(T) on floor\nmeasure pressed = integral(1e5*pos_part(-gap)) on floor\n"
+        );
+        let ran = run(&format!("offset-rest-{cells}"), &scene, &[]);
+        assert_eq!(ran.code, 0, "{}", ran.text);
+        // open, h = 1/(0.0047 + 1e-3) = 175.44 and a column of height 1: T = 1/(1 + h)
+        assert!((ran.measure(0, "warm") - 1.0 / (1.0 + 1.0 / 0.0057)).abs() < 1e-9, "{}", ran.text);
+        for code in ["W605", "W606", "W641"] {
+            assert!(!ran.tells(code), "{cells}: {}", ran.text);
+        }
+        assert!(ran.last("pressed") > 1.0, "{}", ran.text);
+    }
+}
