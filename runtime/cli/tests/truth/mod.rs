@@ -14,6 +14,7 @@ mod jumps;
 mod language;
 mod mechanics;
 mod open;
+mod power_laws;
 mod singular;
 mod stability;
 mod states;
