@@ -7,6 +7,7 @@ use crate::common;
 mod accuracy;
 mod adaptive;
 mod alarms;
+mod contact_form;
 mod contact_rule;
 mod friction;
 mod joints;
