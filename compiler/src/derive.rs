@@ -6,6 +6,7 @@
 //! derives to selection under the same mask, so value and derivative cannot disagree about a branch.
 //! Rules: d Norm = v/|v| . dv, 0 at 0; d Ball: stick dv, slip (r/|v|)(dv - e (e.dv)) + e dr, open 0.
 
+mod ends;
 mod sides;
 
 use std::collections::HashMap;
@@ -197,14 +198,14 @@ impl Rules<'_, '_> {
     fn function1(&mut self, g: &mut Graph, e: ExprId, f: Function1, a: ExprId) -> Derived {
         Ok(self.of(g, a)?.map(|da| {
             let slope = function_derivative(g, f, a, e);
-            g.mul_components(slope, da)
+            ends::times_slope(g, f, a, slope, da)
         }))
     }
 
     fn function2(&mut self, g: &mut Graph, e: ExprId, f: MathFn2, a: ExprId, b: ExprId) -> Derived {
         let da = self.of(g, a)?.map(|d| {
             let slope = function2_derivative(g, f, a, b, e, 0);
-            g.mul_components(slope, d)
+            ends::times_slope2(g, f, [a, b], slope, d)
         });
         let db = self.of(g, b)?.map(|d| {
             let slope = function2_derivative(g, f, a, b, e, 1);

@@ -9,9 +9,10 @@
 //! before it slips the other way, and two-cycles do not arise.
 //!
 //! Here the projections are found and the term is compiled a second time with each of them frozen on its branch, an affine
-//! function of its argument. Which branch that is the numbers of [`branch`](crate::branch) say, inputs that the runtime
+//! function of its argument; inside a function that may have no value there they stay as written (`frozen/as_written.rs`). Which branch that is the numbers of [`branch`](crate::branch) say, inputs that the runtime
 //! fills in (`runtime/contact`). A converged state solves the term as written: only the path to it changes.
 
+mod as_written;
 mod half_lines;
 
 pub(crate) use half_lines::active_code;
@@ -113,7 +114,7 @@ pub fn compile_frozen(
     let rewritten = half_lines::rewritten(&listing.graph, root, env.fields);
     let (from, root) = rewritten.as_ref().map_or((&listing.graph, root), |(graph, root)| (graph, *root));
     let order = from.reachable(root);
-    let found = projections(from, root, &order);
+    let (found, kept) = projections(from, root, &order);
     let sizes = found.last().map(|f| f.projection.branch.end())?;
     let fields = with_branches(env.fields, field, sizes);
     let env = Env { fields: &fields, ..*env };
@@ -122,7 +123,8 @@ pub fn compile_frozen(
     let leaf = |field| Leaf::Field { field, side: Side::Here, op: FieldOp::Value, role: Role::Current };
     let data =
         BranchData { branches: g.leaf(leaf(field)), regularisation: g.leaf(leaf(FieldId::new(field.index() + 1))) };
-    let Frozen { residual, watched, arguments } = freeze(from, &order, &found, &mut g, data)?;
+    let kept = as_written::copies(from, &order, &kept, &mut g);
+    let Frozen { residual, watched, arguments } = freeze(from, &order, &found, &kept, &mut g, data)?;
     let watched = g.stack(Shape::vector(watched.len()), &watched);
     let watch = watch_law(&env, place, &format!("{name}.watch"), g.clone(), (watched, &arguments))?;
     let tangent = tangent_of(&mut g, &fields, residual).ok()?;
@@ -132,19 +134,31 @@ pub fn compile_frozen(
     Some(FrozenLaw { field, sizes, projections, law, watch, arguments, watched, fields })
 }
 
-/// The projections of a term that move with the unknowns, inner ones first.
-fn projections(g: &Graph, root: ExprId, order: &[ExprId]) -> Vec<Found> {
+/// The nodes that are projections which move with the unknowns: on what, and their arguments.
+fn candidates(g: &Graph, order: &[ExprId]) -> BTreeMap<ExprId, (ProjectionKind, ExprId)> {
     let half_lines = half_lines(g, order);
-    let acting = acting(g, root);
     let moves = |v: ExprId| g.depends(v).unknown;
+    let candidate = |e: &ExprId| match *g.node(*e) {
+        Node::Select(mask, x, _) if half_lines.contains(&(mask, *e)) => Some((*e, (ProjectionKind::HalfLine, x))),
+        Node::Ball(v, r) if moves(v) || moves(r) => Some((*e, (ProjectionKind::Ball, v))),
+        _ => None,
+    };
+    order.iter().filter_map(candidate).collect()
+}
+
+/// The projections of a term that are frozen, inner ones first, and the nodes that keep those inside them as written.
+fn projections(g: &Graph, root: ExprId, order: &[ExprId]) -> (Vec<Found>, BTreeSet<ExprId>) {
+    let candidates = candidates(g, order);
+    let kept = as_written::nodes(g, order, &|e| candidates.contains_key(&e));
+    let acting = uses(root, &|e| match *g.node(e) {
+        Node::Ball(v, _) => vec![v],
+        _ => operands(g, e, &kept),
+    });
+    let used = uses(root, &|e| operands(g, e, &kept));
     let (mut first, mut output) = (BranchSizes::default(), 0);
     let mut found: Vec<Found> = Vec::new();
-    for e in order {
-        let (kind, argument) = match *g.node(*e) {
-            Node::Select(mask, x, _) if half_lines.contains(&(mask, *e)) => (ProjectionKind::HalfLine, x),
-            Node::Ball(v, r) if moves(v) || moves(r) => (ProjectionKind::Ball, v),
-            _ => continue,
-        };
+    for e in order.iter().filter(|e| used[e.index()]) {
+        let Some(&(kind, argument)) = candidates.get(e) else { continue };
         let n = g.shape(argument).len();
         let branch = BranchLayout::new(kind, n, first);
         let projection = Projection { kind, n, branch, output, acts: acting[e.index()] };
@@ -152,7 +166,7 @@ fn projections(g: &Graph, root: ExprId, order: &[ExprId]) -> Vec<Found> {
         output += projection.outputs();
         found.push(Found { node: *e, argument, projection });
     }
-    found
+    (found, kept)
 }
 
 /// The fields with those of the branches and of the regularisation at their places; places between are not used by the
@@ -173,18 +187,26 @@ fn with_branches(fields: &[FieldSig], field: FieldId, sizes: BranchSizes) -> Vec
     all
 }
 
-/// By node: whether the root depends on it other than through the radius of a ball.
-fn acting(g: &Graph, root: ExprId) -> Vec<bool> {
-    let mut acts = vec![false; root.index() + 1];
-    acts[root.index()] = true;
-    for k in (0..acts.len()).rev() {
-        match *g.node(ExprId::new(k)) {
-            _ if !acts[k] => {}
-            Node::Ball(v, _) => acts[v.index()] = true,
-            ref node => node.for_each_operand(|o| acts[o.index()] = true),
+/// What is frozen below a node: its operands, none of one that keeps them as written.
+fn operands(g: &Graph, e: ExprId, kept: &BTreeSet<ExprId>) -> Vec<ExprId> {
+    let mut list = Vec::new();
+    if !kept.contains(&e) {
+        g.node(e).for_each_operand(|o| list.push(o));
+    }
+    list
+}
+
+/// By node: whether the root is made of it, if a node is made of what `of` gives for it. Of a ball that may leave out its radius:
+/// a projection that stands there alone does not act.
+fn uses(root: ExprId, of: &dyn Fn(ExprId) -> Vec<ExprId>) -> Vec<bool> {
+    let mut used = vec![false; root.index() + 1];
+    used[root.index()] = true;
+    for k in (0..used.len()).rev().map(ExprId::new) {
+        if used[k.index()] {
+            of(k).into_iter().for_each(|o| used[o.index()] = true);
         }
     }
-    acts
+    used
 }
 
 /// Selections `0 <= x ? x : 0` or `0 < x ? x : 0`, one for each mask: `(mask, selection)`.
@@ -222,25 +244,25 @@ struct BranchData {
     regularisation: ExprId,
 }
 
-/// The residual on branches, and what is watched of each projection.
-fn freeze(from: &Graph, order: &[ExprId], found: &[Found], g: &mut Graph, data: BranchData) -> Option<Frozen> {
-    let mut copied: BTreeMap<ExprId, ExprId> = BTreeMap::new();
-    let mut masks: BTreeMap<ExprId, ExprId> = BTreeMap::new();
-    for Found { node, projection: p, .. } in found {
-        if let (ProjectionKind::HalfLine, Node::Select(mask, x, _)) = (p.kind, from.node(*node)) {
-            let numbers: Vec<ExprId> = (0..p.n).map(|k| g.entry(data.branches, p.branch.mask(k))).collect();
-            let numbers = g.stack(from.shape(*x), &numbers);
-            masks.insert(*mask, switched_on(g, numbers));
-        }
-    }
+/// The residual on branches, and what is watched of each projection. Of some nodes there are copies already.
+fn freeze(
+    from: &Graph,
+    order: &[ExprId],
+    found: &[Found],
+    kept: &BTreeMap<ExprId, ExprId>,
+    g: &mut Graph,
+    data: BranchData,
+) -> Option<Frozen> {
+    let masks = frozen_masks(from, found, g, data);
     let mut watched = Vec::new();
+    let mut copied: BTreeMap<ExprId, ExprId> = BTreeMap::new();
     // the same without overstress: what radii are made of
     let mut plain: BTreeMap<ExprId, ExprId> = BTreeMap::new();
     for e in order {
         let before = g.set_origin(from.origin(*e));
         let projection = found.iter().find(|f| f.node == *e).map(|f| f.projection);
-        let (made, without) = match (masks.get(e), projection, from.node(*e)) {
-            (Some(mask), _, _) => (*mask, *mask),
+        let (made, without) = match (masks.get(e).or(kept.get(e)), projection, from.node(*e)) {
+            (Some(made), _, _) => (*made, *made),
             (_, Some(p), Node::Ball(v, r)) => {
                 let radius = g.to_scalar(plain[r]);
                 let ball = frozen_ball(g, data, p, copied[v], radius);
@@ -271,6 +293,19 @@ fn freeze(from: &Graph, order: &[ExprId], found: &[Found], g: &mut Graph, data: 
     let residual = *copied.get(order.last()?)?;
     let arguments = found.iter().map(|f| copied[&f.argument]).collect();
     Some(Frozen { residual, watched, arguments })
+}
+
+/// The masks of half-lines, read from the numbers of a point.
+fn frozen_masks(from: &Graph, found: &[Found], g: &mut Graph, data: BranchData) -> BTreeMap<ExprId, ExprId> {
+    let mut masks = BTreeMap::new();
+    for Found { node, projection: p, .. } in found {
+        if let (ProjectionKind::HalfLine, Node::Select(mask, x, _)) = (p.kind, from.node(*node)) {
+            let numbers: Vec<ExprId> = (0..p.n).map(|k| g.entry(data.branches, p.branch.mask(k))).collect();
+            let numbers = g.stack(from.shape(*x), &numbers);
+            masks.insert(*mask, switched_on(g, numbers));
+        }
+    }
+    masks
 }
 
 fn switched_on(g: &mut Graph, numbers: ExprId) -> ExprId {

@@ -111,7 +111,7 @@ impl Symbolic {
 
     fn projections(&self) -> Vec<Found> {
         let g = &self.listing.graph;
-        projections(g, self.root, &g.reachable(self.root))
+        projections(g, self.root, &g.reachable(self.root)).0
     }
 
     /// What of an argument scales with the parameter, whose value in the scene is `value`.

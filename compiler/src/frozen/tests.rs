@@ -66,6 +66,15 @@ fn place() -> PlaceSig {
 
 /// Compiles the frozen form of a term and hands it over with all that it was made of.
 fn with_frozen<R>(text: &str, numbers: &[(&str, f64)], f: impl FnOnce(&Env<'_>, TermSource<'_>, &FrozenLaw) -> R) -> R {
+    maybe_frozen(text, numbers, |env, source, frozen| f(env, source, &frozen.unwrap()))
+}
+
+/// The same of a term that may have no such form.
+fn maybe_frozen<R>(
+    text: &str,
+    numbers: &[(&str, f64)],
+    f: impl FnOnce(&Env<'_>, TermSource<'_>, Option<FrozenLaw>) -> R,
+) -> R {
     let constant = |x: f64| Constant { shape: Shape::SCALAR, values: vec![x], declared: None };
     let params: BTreeMap<String, Constant> = numbers.iter().map(|(n, x)| ((*n).to_owned(), constant(*x))).collect();
     let (fields, expansions) = (fields(), Expansions::default());
@@ -87,8 +96,8 @@ fn with_frozen<R>(text: &str, numbers: &[(&str, f64)], f: impl FnOnce(&Env<'_>, 
     let source = TermSource::Residual(&expr);
     let law = compile_term(&env, &place(), "law", source);
     let law = law.value.unwrap_or_else(|| panic!("{:?}", law.diagnostics));
-    let frozen = compile_frozen(&env, &place(), "law", &law.listing, FieldId::new(fields.len())).unwrap();
-    f(&env, source, &frozen)
+    let frozen = compile_frozen(&env, &place(), "law", &law.listing, FieldId::new(fields.len()));
+    f(&env, source, frozen)
 }
 
 const NUMBERS: [(&str, f64); 4] = [("k", 3.7), ("mu", 0.4), ("theta", -1.0), ("E", 2.3)];
@@ -259,4 +268,28 @@ fn a_branch_far_away_is_one_of_the_tangent() {
     let coupled = "k*(u(1)*Test_l(1) + l(1)*Test_u(1)) + pos_part(l(1) - 1e6)";
     assert!(is_symmetric(&format!("{coupled}*Test_l(1)")));
     assert!(!is_symmetric(&format!("{coupled}*Test_u(1)")));
+}
+
+#[test]
+fn a_projection_inside_a_function_that_is_not_defined_beside_it_stays_as_written() {
+    let numbers = [("k", 3.0), ("mu", 0.4)];
+    for law in ["P^1.5", "sqrt(P)", "log(1 + P)", "P/(1 + P)", "exp(-P)", "P^2", "P*P^0.5", "tanh(P)"] {
+        let text = format!("k*({})*Test_u(1)", law.replace('P', "pos_part(J.Normal - g)"));
+        assert!(kinds(&text, &numbers).is_empty(), "{text}");
+        // as a bound of friction it leaves the ball, and where it stands alone elsewhere the half-line
+        let text = format!("Ball_projection(k*J, mu*({})).Test_u", law.replace('P', "pos_part(J.Normal - g)"));
+        assert_eq!(kinds(&text, &numbers), [ProjectionKind::Ball], "{text}");
+        let text = format!("{text} + pos_part(J.Normal - g)*Test_u(1)");
+        assert_eq!(kinds(&text, &numbers), [ProjectionKind::HalfLine, ProjectionKind::Ball], "{text}");
+    }
+    // a ball that is scaled by its bound is no power of it
+    let text = "(P*Ball_projection(k*J/(P + 1e-9), 1)).Test_u".replace('P', "pos_part(J.Normal - g)");
+    assert_eq!(kinds(&text, &numbers), [ProjectionKind::HalfLine, ProjectionKind::Ball], "{text}");
+}
+
+/// The projections of the frozen form of a term; none where it has no such form.
+fn kinds(text: &str, numbers: &[(&str, f64)]) -> Vec<ProjectionKind> {
+    maybe_frozen(text, numbers, |_, _, frozen| {
+        frozen.map_or_else(Vec::new, |f| f.projections.iter().map(|p| p.kind).collect())
+    })
 }

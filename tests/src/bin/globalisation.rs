@@ -187,6 +187,9 @@ names in parentheses are those of the table and of histories.
    (`tests/tests/reversal.rs`). The first load step starts with all points in contact and sticking. If contact is stiff, the first three
    active sets are chosen face by face, because a sticking point unloads its neighbours, and the first two steps are
    undamped. Later load steps start from an active set that is extrapolated from the last two.
+   Inside a function that has no value for other numbers than those of the projection, or grows fast there (`pos_part(g)^1.5`,
+   `log(1 + pos_part(g)/d)`, what divides, powers), a projection stays as it is written, as if it were an `if`; a term without
+   others is no contact for this method, and Newton's method solves it with the searches below.
 2. **Line search on the complementarity defect.** The merit function is the sum of squares of t - P(t + c (x - t)),
    weighted as an energy. With linear bodies every state along the step is in equilibrium, and x, t and the friction
    bound are linear in the step length; a trial therefore needs no assembly. The step is halved until the merit function

@@ -33,7 +33,8 @@
 //!
 //! Judged are terms on faces with a half line that acts (`pos_part`) on a displacement. Nothing is asked of names.
 //! Loads on the same faces, bodies with a memory, properties that vary inside cells, forces across an open gap
-//! (cohesion) are not judged, with the reason.
+//! (cohesion), pressures that stay below that of the states are not judged, with the reason. The pressure of a fluid on the
+//! faces, a number that no projection reads, is zero: what it is says an equation of its own.
 
 mod place;
 mod solve;
@@ -91,6 +92,14 @@ pub enum Mistake {
 }
 
 impl Mistake {
+    /// Whether the same force acts on all bodies, the right way, and is less than that of the states that are tried.
+    fn carries_less(&self) -> bool {
+        let is_less = |part: f64| part > 0.0 && part < 1.0 - MISTAKE;
+        let balances = |here: f64, there: f64| (here - there).abs() <= MISTAKE * here;
+        matches!(self, Mistake::Balance { carried: [Some(here), there], .. }
+            if is_less(*here) && there.is_none_or(|there| balances(*here, there)))
+    }
+
     /// Whether forces along the traction are those that the bodies have: what is left lies along the face.
     fn carries_pressure(&self) -> bool {
         let is_whole = |part: f64| (part - 1.0).abs() <= MISTAKE;
@@ -356,6 +365,9 @@ impl Judge<'_, '_> {
                     return Err(Unjudged(
                         "the pressure is that of the overlap, and friction acts beside it on faces at rest",
                     ));
+                }
+                if mistake.carries_less() {
+                    return Err(Unjudged("the pressure does not grow to that of the test states"));
                 }
                 Ok(Verdict::Wrong(mistake))
             }

@@ -5,7 +5,7 @@
 
 mod direction;
 
-pub(super) use direction::TILTED;
+pub(super) use direction::{TILTED, root};
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
@@ -296,7 +296,10 @@ impl<'a> Finder<'a> {
             let reader = self.reader(bound, &at, 0, &watch.law.inputs, watch.uniforms());
             Some(Watched { kernel: &watch.law.kernel, reader, projections, branches: (p.field, p.open_at(1)) })
         };
-        self.contact.terms().iter().filter(|p| !p.on_cells()).filter_map(watch).collect()
+        let mut terms: Vec<&ContactTerm> = self.contact.terms().iter().filter(|p| !p.on_cells()).collect();
+        // the argument of contact is that of a law which presses, not the aperture of a fluid beside it
+        terms.sort_by_key(|p| !p.pushes(self.system));
+        terms.into_iter().filter_map(watch).collect()
     }
 
     /// The terms of a cell whose test functions have gradients: those that make its stress.
@@ -379,7 +382,12 @@ fn roles(system: &System, interface: &[Law<'_>], watched: &[Watched<'_>]) -> Res
     let mut n = 0;
     for f in interface.iter().flat_map(|l| &l.law.tests).map(|t| t.field.index()) {
         let field = &system.fields[f];
-        let is_one = field.kind == FieldKind::Multiplier || (!on_cells(f) && is_local(f));
+        let is_read = |slot: &InputSlot| matches!(slot, InputSlot::Field(b) if b.field.index() == f);
+        // a pressure that no law of contact reads is that of a fluid: an equation of its own says what it is
+        let is_fluid = field.kind == FieldKind::Unknown
+            && field.n_components == 1
+            && !watched.iter().any(|w| w.reader.slots.iter().any(is_read));
+        let is_one = field.kind == FieldKind::Multiplier || (!on_cells(f) && is_local(f) && !is_fluid);
         if is_one && !displacement.contains(&Some(f)) && multipliers.iter().all(|m| m.0 != f) {
             multipliers.push((f, n, field.n_components));
             n += field.n_components;
@@ -411,7 +419,8 @@ impl<'a> Place<'a> {
         let size = (0..3).fold(0.0f64, |m, k| m.hypot(a[k] - b[k]));
         let mut place =
             Self { dim: domain.dim, normal, face: normal, looks: 1.0, size, roles, interface, watched, bulk };
-        (place.normal, place.looks) = place.direction();
+        (place.normal, place.looks) =
+            place.direction().ok_or("the normal of the obstacle changes as the body comes to it")?;
         let rest = place.rest();
         let loads = place.interface.iter().filter(|l| l.is_load);
         if loads.flat_map(|l| l.fluxes(&place.roles, &rest)).any(|x| x != 0.0) {

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use wfl_compiler::ProjectionKind;
 
-use super::place::{Fluxes, Gradient, Place, State, Vector};
+use super::place::{Fluxes, Gradient, Place, State, Vector, root};
 
 /// Strain of the bodies in the states that are tried: small beside 1 for laws of finite strain.
 const STRAIN: f64 = 1e-3;
@@ -21,6 +21,9 @@ const FAR: f64 = 1e3;
 /// What the forces there may differ by at twice the distance to be those of an initial stress, in parts of the pressure:
 /// rounding at 1000 times the distance leaves 1e-13 of it, and forces that depend on the distance double.
 const CONSTANT: f64 = 1e-9;
+/// Doublings and halvings of a length between which an overlap is looked for: 18 orders of magnitude to both sides, so that
+/// no unit of a stiffness falls beside.
+const WIDEST: i32 = 60;
 /// Equations left by no more than this, relative to the sizes of the state, are satisfied: what differences leave.
 pub(super) const SATISFIED: f64 = 1e-6;
 
@@ -99,6 +102,31 @@ pub(super) fn dot(a: &Vector, b: &Vector) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+/// The overlap in which a force has grown by a pressure, whatever the law is written in: a line, a power, an exponential.
+/// `step` is some length of the place. Where it never gets there, that of the straight line through the force at `step`;
+/// `None` without any.
+fn overlap_for(pressure: f64, step: f64, force: impl Fn(f64) -> Option<f64>) -> Option<f64> {
+    let none = force(0.0)?;
+    let first = force(step)? - none;
+    let straight = pressure * step / first.abs();
+    // the force of a law with a wrong sign grows the other way
+    let grown = |by: f64| force(by).map(|f| (f - none) * first.signum()).filter(|f| f.is_finite());
+    let is_line = first != 0.0 && grown(straight).is_some_and(|f| (f - pressure).abs() <= SATISFIED * pressure);
+    if is_line {
+        return Some(straight);
+    }
+    let halvings = (-WIDEST..=WIDEST).map(|k| step * f64::powi(2.0, k));
+    let Some(found) = halvings.into_iter().find(|by| grown(*by).is_some_and(|f| f >= pressure)) else {
+        return Some(straight).filter(|by| by.is_finite());
+    };
+    let (mut low, mut high) = (0.5 * found, found);
+    for _ in 0..f64::MANTISSA_DIGITS {
+        let middle = 0.5 * (low + high);
+        *(if grown(middle).is_some_and(|f| f >= pressure) { &mut high } else { &mut low }) = middle;
+    }
+    Some(high)
+}
+
 impl Place<'_> {
     /// `None` where no projection closes as the bodies come together.
     pub(super) fn sizes(&self) -> Option<Sizes> {
@@ -118,12 +146,14 @@ impl Place<'_> {
             return None;
         }
         let pressure = STRAIN * self.stiffness()?;
-        // the force says what is needed for a pressure, whatever the argument is measured in
+        // along the normal of an obstacle that curves the gap is no line
+        let way =
+            |free: &[Gradient; 2]| Some(root(step, |by| argument(by, free)).unwrap_or(-argument(0.0, free)? / slope));
+        let touching = way(&still)?;
         let pushes =
-            |by: f64| Some(dot(&self.fluxes(&at(slope.signum() * by - rest / slope, &still))?.force[0], &self.normal));
-        let stiffness = ((pushes(step)? - pushes(0.0)?) / step).abs();
-        let length = pressure / if stiffness > 0.0 && stiffness.is_finite() { stiffness } else { slope.abs() };
-        let apart = |gap: f64| Some(self.fluxes(&at(-slope.signum() * gap * length - rest / slope, &still))?.force);
+            |by: f64| Some(dot(&self.fluxes(&at(slope.signum() * by + touching, &still))?.force[0], &self.normal));
+        let length = overlap_for(pressure, step, pushes).unwrap_or(pressure / slope.abs());
+        let apart = |gap: f64| Some(self.fluxes(&at(-slope.signum() * gap * length + touching, &still))?.force);
         let (near, far) = (apart(FAR)?, apart(2.0 * FAR)?);
         let stays = near.iter().zip(&far).all(|(a, b)| {
             let change = sum(a, &scaled(b, -1.0));
@@ -135,7 +165,7 @@ impl Place<'_> {
             *free = self.gradient(body, &[0.0; 3], &scaled(&background[body], -1.0), &[0.0; 9])?;
         }
         // bodies without contact: their stress may depend on nothing but what they started with
-        let touching = -argument(0.0, &free)? / slope;
+        let touching = way(&free)?;
         let (shift, carried) = ((STRAIN * self.size).min(length), [0.0; 3]);
         let mut sizes =
             Sizes { pressure, touching, slope, length, shift, stress: 0.0, law: 0.0, background, free, carried };
@@ -212,8 +242,9 @@ impl Place<'_> {
     pub(super) fn touches(&self, sizes: &Sizes) -> Option<bool> {
         let free = self.trial(sizes, &[0.0; 3], &[0.0; 3], &[0.0; 3])?;
         let argument = self.contact_argument(&free.state)?;
-        let gap = (sizes.slope * sizes.touching).abs();
-        Some(gap <= sizes.pressure || argument.abs() <= OPENS * sizes.pressure)
+        // the argument may be a stress or a gap
+        let overlap = (sizes.slope * sizes.length).abs();
+        Some(sizes.touching.abs() <= sizes.length || argument.abs() <= OPENS * overlap)
     }
 
     /// The radius of the ball of friction, and how many balls there are.
@@ -416,5 +447,28 @@ impl Place<'_> {
     fn number<'s>(&self, state: &'s mut State, k: usize) -> &'s mut f64 {
         let n = state.multipliers.len();
         if k < n { &mut state.multipliers[k] } else { &mut state.bodies[0].value[k - n] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_overlap_is_found_for_every_law_and_unit() {
+        for unit in [1e-12, 1.0, 1e15] {
+            for (law, overlap) in [
+                (&(|g: f64| 1e7 * g) as &dyn Fn(f64) -> f64, 3e-7),
+                (&|g: f64| 1e5 * g * g * g, 3e-5_f64.cbrt()),
+                (&|g: f64| 1e9 * g.powf(1.5), 3e-9_f64.powf(2.0 / 3.0)),
+                (&|g: f64| (g / 1e-4).exp_m1(), 1e-4 * 4.0_f64.ln()),
+                (&|g: f64| -2.0 * g, 1.5),
+            ] {
+                let found = overlap_for(3.0 * unit, 1e-3, |g| Some(unit * law(g.max(0.0)))).expect("an overlap");
+                assert!((found / overlap - 1.0).abs() < 1e-9, "{found} for {overlap}");
+            }
+        }
+        assert_eq!(overlap_for(1.0, 1e-3, |_| Some(5.0)), None, "nothing grows");
+        assert!(overlap_for(1.0, 1e-3, |g| Some(g.min(0.1))).is_some(), "a bounded law has that of its first part");
     }
 }

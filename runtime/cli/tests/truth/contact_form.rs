@@ -1,0 +1,99 @@
+//! What `wfl check` says of the form of contact: the same in every unit, of every place of an obstacle, and nothing where it
+//! cannot judge. Mistakes beside each right form are told.
+
+use crate::common::Folder;
+
+/// What is said of the contact of a scene, and the codes of messages about it.
+fn said(name: &str, scene: &str, words: &[&str]) -> String {
+    let folder = Folder::new(&format!("contact-form-{name}"));
+    folder.write("scene.wfl", scene);
+    let ran = folder.wfl(&[&["check", "scene.wfl"], words].concat());
+    let text = [&ran.stdout, &ran.stderr].map(|b| String::from_utf8_lossy(b).into_owned()).concat();
+    assert!(!text.contains("error["), "{text}");
+    let is_said = |line: &&str| line.starts_with("contact ") || line.contains("warning[W5");
+    text.lines().filter(is_said).collect::<Vec<&str>>().join("\n")
+}
+
+/// A penalty between the sides of a fracture with a fluid, whose aperture is a positive part, too. It is one in pascals as in
+/// megapascals, and the fluid takes no part of what it carries.
+#[test]
+fn a_penalty_beside_a_fluid_is_one_in_all_units() {
+    let scene = "wfl 1\nuse \"contact\"\nuse \"poro\"\nuse \"elasticity\"\nparam E = 1e10\nparam gamma = 1e13\n\
+         param w0 = 1e-5\nparam mu = 1e-3\nmesh box [0,-1] to [1,1] cells [2,2] quad\nregion below = cells where y < 0\n\
+         region above = cells where y > 0\nregion fracture = interface from below to above\n\
+         region floor = faces where y == -1\nregion ceiling = faces where y == 1\nregion well = nodes of fracture where x == 0\n\
+         unknown a : vector on below\nunknown b : vector on above\nunknown pf : scalar on fracture\n\
+         term elastic_a on below : work(a, Test_a, E, 0.25)\nterm elastic_b on above : work(b, Test_b, E, 0.25)\n\
+         term vol on fracture : filling(aperture(w0,a,b),pf)\n\
+         term flow on fracture : along_fault(pf, cubic(aperture(w0,a,b), mu))\nterm fluid on fracture : fluid_pressure(pf, a, b)\n\
+         term contact on fracture : gamma*pos_part(jump(a,b).Normal)*(Normal.jump(Test_a,Test_b))\n\
+         fix a = [0,0] on floor\nfix b = [0,-1e-5] on ceiling\nsteps t = 0 to 2 by 1\nload pf = 1e-6 on well\n";
+    for (k, words) in [["E=1e10", "gamma=1e13"], ["E=1e4", "gamma=1e7"], ["E=1e16", "gamma=1e19"]].iter().enumerate() {
+        let right = said(&format!("fluid-{k}"), scene, words);
+        assert!(right.contains("penalty: an overlap of pressure/gamma") && !right.contains("[W5"), "{right}");
+        let wrong = scene.replace("(Normal.jump(Test_a,Test_b))", "(Normal.Test_a)");
+        let wrong = said(&format!("fluid-wrong-{k}"), &wrong, words);
+        assert!(wrong.contains("[W507]"), "{wrong}");
+    }
+}
+
+/// A rigid disc that is a level set, over a block: `p*n.Test_u` with its own normal, wherever its centre is.
+fn disc(place: &str, force: &str) -> String {
+    format!(
+        "wfl 1\nparam gamma = 1e4\nmesh box [0,0] to [2,1] cells [8,4] quad\nregion bottom = faces where y == 0\n\
+         region top = faces where y == 1\nunknown u : vector\nterm e on all : 120*Sym(Grad_u):Grad_Test_u\n{place}\n\
+         def n = Normalized(-w)\ndef p = gamma*pos_part(R - Norm(w))\nterm con on top : {force}\nfix u = [0,0] on bottom\n"
+    )
+}
+
+#[test]
+fn an_obstacle_that_curves_is_judged_along_its_own_normal() {
+    let friction = "p*n.Test_u + Ball_projection(gamma*(u - (u.n)*n), 0.3*p).Test_u";
+    for (k, (radius, gap)) in
+        [(2.0, -0.2), (2.0, 0.01), (2.0, 0.5), (20.0, 0.0), (20.0, 3.0), (1e3, 0.5), (0.3, 0.5), (0.3, 3.0)]
+            .iter()
+            .enumerate()
+    {
+        for centre in ["1", "1.3", "1.6"] {
+            let place = format!("def R = {radius}\ndef w = X + u - [{centre}, 1 + R + {gap}]");
+            let name = format!("disc-{k}-{centre}");
+            for gamma in ["gamma=1e1", "gamma=1e4", "gamma=1e7"] {
+                let right = said(&name, &disc(&place, "p*n.Test_u"), &[gamma]);
+                assert!(!right.contains("[W5"), "{place} {gamma}: {right}");
+                // a small disc is not met by all faces: of those nothing is said
+                assert!(
+                    *radius < 1.0 || right.contains("penalty: an overlap of pressure/"),
+                    "{place} {gamma}: {right}"
+                );
+                let right = said(&name, &disc(&place, friction), &[gamma]);
+                assert!(!right.contains("[W5"), "{place} {gamma}: {right}");
+            }
+            let wrong = said(&name, &disc(&place, "-p*n.Test_u"), &[]);
+            assert!(*radius < 1.0 || wrong.contains("[W510]"), "{place}: {wrong}");
+        }
+    }
+}
+
+/// Pressures that are powers of an overlap depend on units as a penalty does not, and bounded ones never reach that of the test.
+#[test]
+fn powers_and_bounded_pressures_are_not_called_mistakes() {
+    let block = |press: &str| {
+        format!(
+            "wfl 1\nmesh box [0,0] to [1,1] cells [1,1] quad\nregion floor = faces where y == 0\nregion top = faces where y == 1\n\
+             unknown u : vector\nterm block on all : 1000*(Sym(Grad_u):Grad_Test_u)\n\
+             term contact on floor : {press}*(Test_u.Normal)\nfix u = [0,-0.01] on top\n"
+        )
+    };
+    let laws = [
+        "1e5*pos_part(u.Normal)^3",
+        "1e-5*pos_part(u.Normal)^2",
+        "1e12*pos_part(u.Normal)^2.5",
+        "min(1e4*pos_part(u.Normal), 1e-3)",
+    ];
+    for (k, law) in laws.iter().enumerate() {
+        let found = said(&format!("power-{k}"), &block(law), &[]);
+        assert!(!found.contains("[W5"), "{law}: {found}");
+    }
+    let wrong = said("power-wrong", &block("-min(1e4*pos_part(u.Normal), 1e-3)"), &[]);
+    assert!(wrong.contains("[W5"), "{wrong}");
+}
