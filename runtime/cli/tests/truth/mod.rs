@@ -14,6 +14,7 @@ mod jumps;
 mod language;
 mod mechanics;
 mod open;
+mod row_signs;
 mod singular;
 mod stability;
 mod states;
