@@ -75,6 +75,7 @@ fn what_does_nothing_beside_pressures_is_not_recommended() {
     for words in [&[] as &[&str], &["perturb=1e-3"]] {
         let ran = run("signs-perturb", &scene, words);
         assert!(ran.tells("W640") && ran.text.contains("to the side of 1e-4"), "{}", ran.text);
+        assert!(!ran.tells("W605"), "what was tried leaves no doubt: {}", ran.text);
         assert!(
             !ran.text.contains("`perturb=1e-6` follows") && ran.text.contains("changes nothing here"),
             "{}",
