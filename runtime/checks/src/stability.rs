@@ -89,7 +89,10 @@ pub fn unstable(
             let found = if is_as_written && of_forces == 0 { Unstable::Directions } else { Unstable::Beside };
             (negative > of_forces).then(|| found(negative - of_forces))
         }
-        Err(whole) if is_suspicious => by_determinant(system, solver, &whole, groups.parity(&signs)?),
+        Err(whole) if is_suspicious => {
+            let is_negative = system.has_nonlinear_bodies().then(|| solver.sign_of(&whole)).flatten();
+            has_odd_roots(is_negative?, groups.parity(&signs)?).then_some(Unstable::Odd)
+        }
         Err(_) => None,
     }
 }
@@ -157,13 +160,12 @@ fn of_forces(system: &System, matrix: &Csr) -> usize {
     forces(system, matrix).into_iter().map(|field| free(system, field).count()).sum()
 }
 
-/// An odd number of real growth rates of a tangent that is not symmetric.
+/// Whether real growth rates of a tangent that is not symmetric are odd in number, from whether its determinant is negative, and
+/// whether the signs with which its rows are written make that of a stable body so.
 ///
 /// With a mass M on the displacements, a motion that grows as exp(s t) is a root lambda = s^2 > 0 of the polynomial
 /// det(K + lambda M), which has the sign of its first coefficient for large lambda. Where det K has the other one, the roots in
-/// between are odd in number. With rows of the right signs (`row_signs`) the first coefficient is positive; `expected` says
-/// that the signs with which they are written make it negative.
-fn by_determinant(system: &System, solver: &LinearSolver, whole: &Csr, expected: bool) -> Option<Unstable> {
-    let is_negative = system.has_nonlinear_bodies().then(|| solver.sign_of(whole))??;
-    (is_negative != expected).then_some(Unstable::Odd)
+/// between are odd in number. With rows of the right signs (`row_signs`) the first coefficient is positive.
+fn has_odd_roots(is_negative: bool, would_be: bool) -> bool {
+    is_negative != would_be
 }
