@@ -5,7 +5,8 @@
 //! Finite Element Procedures, 2014, 8.2.5 and 11.4). Fields that act as forces have one negative eigenvalue by unknown
 //! in any state, stable or not: a multiplier, or a pressure, whose own diagonal has no positive entry; they are taken off.
 //! A tangent that is not symmetric with a determinant of the other sign than that of a stable body has a real negative
-//! eigenvalue, too.
+//! eigenvalue, too. An equation means the same when it is multiplied by a number: what makes a tangent symmetric is applied
+//! before eigenvalues are counted, and the sign of a determinant is compared with the one that the signs of the rows give it.
 //!
 //! Promises: what is called unstable is so, of the discrete equations; nothing of the run is changed but the kind of factor that
 //! the next step is solved with. Costs nothing where the factor at hand is Cholesky's. Does not judge linear scenes, in
@@ -13,21 +14,22 @@
 
 use std::sync::Arc;
 
-use super::Solved;
+use super::{
+    Solved,
+    row_signs::{Groups, RowSigns, Signs, signs},
+};
 use wfl_compiler::types::{FieldKind, UniformSlot};
-use wfl_discrete::system::{Branches, FIXED, System, Tangent};
+use wfl_discrete::system::{Branches, FIXED, System};
 use wfl_linear::LinearSolver;
 use wfl_sparse::csr::Csr;
-
-/// Masses that stand for infinite ones, in units of the largest sum of a row. Roots lie below one of it where constraints act
-/// along what they hold, and friction, which pulls askew, makes them larger by the factor of its skewness.
-const HEAVY: f64 = 1e4;
 
 /// Directions in which an equilibrium is not stable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unstable {
-    /// So many.
+    /// So many, in each of which an energy of the unknowns decreases.
     Directions(usize),
+    /// So many beside unknowns that act as forces (multipliers, pressures), or in equations of other signs than those of an energy.
+    Beside(usize),
     /// An odd number: the tangent is not symmetric.
     Odd,
 }
@@ -39,9 +41,16 @@ pub fn is_due(step: usize, is_last: bool) -> bool {
 }
 
 /// The directions in which the state is not stable; `None` where there are none, or where that is not known. `due` says that
-/// a factor may be spent on the question.
+/// a factor may be spent on the question; `rows` is what the run knows of the signs of its equations, from its `start`: the
+/// equations of the first step and the first values.
 #[must_use]
-pub fn unstable(state: Solved<'_>, solver: &mut LinearSolver, due: bool) -> Option<Unstable> {
+pub fn unstable(
+    state: Solved<'_>,
+    solver: &mut LinearSolver,
+    due: bool,
+    rows: &mut RowSigns,
+    start: &dyn Fn() -> Option<(System, Vec<f64>)>,
+) -> Option<Unstable> {
     let Solved { system, u, .. } = state;
     // `Rate(e)` divides by the increment, and has no slot of its own
     let is_rate = |slot: &UniformSlot| matches!(slot, UniformSlot::Rate(_) | UniformSlot::TimeStep);
@@ -50,9 +59,20 @@ pub fn unstable(state: Solved<'_>, solver: &mut LinearSolver, due: bool) -> Opti
         return None;
     }
     let known = solver.is_definite();
+    if known == Some(true) {
+        return None;
+    }
+    let groups = Groups::of(system);
+    // the sign at hand may be that of the iterate before the last
+    let at_hand = solver.has_negative_determinant().filter(|_| system.has_nonlinear_bodies());
+    let has_turned = at_hand.and_then(|negative| Some(negative != groups.parity(rows.at(&groups, start))?));
     // a factor of the whole that is not Cholesky's has met a tangent that is not positive definite
-    let suspicious = known == Some(false) || solver.factors_all() && solver.lost_definiteness();
-    if known == Some(true) || !(due && solver.factors_all() || suspicious) {
+    let is_doubtful = known == Some(false) || solver.factors_all() && solver.lost_definiteness();
+    let is_suspicious = match has_turned {
+        Some(turned) if !solver.may_be_symmetric() => turned,
+        turned => turned == Some(true) || is_doubtful,
+    };
+    if !(due && solver.factors_all() || is_suspicious) {
         return None;
     }
     let mut tangent = system.new_tangent();
@@ -60,15 +80,48 @@ pub fn unstable(state: Solved<'_>, solver: &mut LinearSolver, due: bool) -> Opti
     if solver.finds_definite(&tangent) {
         return None;
     }
-    match LinearSolver::symmetric_whole(system, &tangent).map(Arc::new) {
-        Some(matrix) => {
-            let negative = solver.inertia(&matrix)?.negative;
-            let directions = if negative == 0 { 0 } else { negative.saturating_sub(of_forces(system, &matrix)) };
-            (directions > 0).then_some(Unstable::Directions(directions))
+    let whole = system.whole_matrix(&tangent).ok()?;
+    let signs = signs(&whole, &groups, rows.at(&groups, start));
+    match symmetric(system, whole, &groups, &signs) {
+        Ok(Symmetric { matrix, is_as_written }) => {
+            let inertia = if is_as_written { solver.inertia(&matrix) } else { solver.inertia_beside(&matrix) };
+            let (negative, of_forces) = (inertia?.negative, of_forces(system, &matrix));
+            let found = if is_as_written && of_forces == 0 { Unstable::Directions } else { Unstable::Beside };
+            (negative > of_forces).then(|| found(negative - of_forces))
         }
-        None if suspicious => by_determinant(system, solver, &tangent),
-        None => None,
+        Err(whole) if is_suspicious => {
+            let is_negative = system.has_nonlinear_bodies().then(|| solver.sign_of(&whole)).flatten();
+            has_odd_roots(is_negative?, groups.parity(&signs)?).then_some(Unstable::Odd)
+        }
+        Err(_) => None,
     }
+}
+
+/// A tangent as that of an energy, with positive stiffnesses of bodies.
+struct Symmetric {
+    matrix: Arc<Csr>,
+    /// No row had to be multiplied.
+    is_as_written: bool,
+}
+
+/// The tangent of equations each of which may be multiplied by a number so that they are those of an energy; the tangent itself
+/// where they are none.
+fn symmetric(system: &System, whole: Csr, groups: &Groups, signs: &[Option<bool>]) -> Result<Symmetric, Csr> {
+    let of_group = |factors: &[f64], group: usize| {
+        groups.of_row.iter().zip(factors).find(|(g, _)| **g as usize == group).is_some_and(|(_, factor)| *factor < 0.0)
+    };
+    let Some(factors) = LinearSolver::symmetrising(&whole, &groups.of_row) else { return Err(whole) };
+    let symmetrised = |group: usize| signs[group].map(|turned| turned != of_group(&factors, group));
+    let signs: Signs = (0..signs.len()).map(symmetrised).collect();
+    let turned = groups.turned(system, &whole, &signs);
+    let factors: Vec<f64> = factors.iter().zip(turned).map(|(factor, turned)| factor * turned).collect();
+    let is_as_written = factors.iter().all(|factor| *factor == 1.0);
+    let mut multiplied = whole.clone();
+    if !is_as_written {
+        multiplied.multiply_rows(&factors);
+    }
+    let Some(matrix) = LinearSolver::if_symmetric(multiplied) else { return Err(whole) };
+    Ok(Symmetric { matrix: Arc::new(matrix), is_as_written })
 }
 
 /// Fields that act as forces: multipliers, and those whose own diagonal has no positive entry. A force acts on something: one of
@@ -107,34 +160,12 @@ fn of_forces(system: &System, matrix: &Csr) -> usize {
     forces(system, matrix).into_iter().map(|field| free(system, field).count()).sum()
 }
 
-/// An odd number of real growth rates of a tangent that is not symmetric.
+/// Whether real growth rates of a tangent that is not symmetric are odd in number, from whether its determinant is negative, and
+/// whether the signs with which its rows are written make that of a stable body so.
 ///
 /// With a mass M on the displacements, a motion that grows as exp(s t) is a root lambda = s^2 > 0 of the polynomial
 /// det(K + lambda M), which has the sign of its first coefficient for large lambda. Where det K has the other one, the roots in
-/// between are odd in number. Multipliers have no mass, so that the first coefficient has a sign of its own, which is that of
-/// a determinant with lambda so large that all roots lie below.
-fn by_determinant(system: &System, solver: &LinearSolver, tangent: &Tangent) -> Option<Unstable> {
-    if !system.has_nonlinear_bodies() {
-        return None;
-    }
-    let is_negative = if system.fields.iter().any(|f| f.kind == FieldKind::Multiplier) {
-        let matrix = system.whole_matrix(tangent).ok()?;
-        let is_negative = solver.sign_of(&matrix)?;
-        is_negative != solver.sign_of(&with_masses(system, matrix)?)?
-    } else {
-        solver.beside(system).ok()?.is_negative(system, tangent).ok()??
-    };
-    is_negative.then_some(Unstable::Odd)
-}
-
-/// The matrix and a mass of the unknowns that are no forces, larger than all that it could balance.
-fn with_masses(system: &System, mut matrix: Csr) -> Option<Csr> {
-    let mass = HEAVY * matrix.norm_inf();
-    let as_forces = forces(system, &matrix);
-    for field in (0..system.fields.len()).filter(|field| !as_forces.contains(field)) {
-        for row in free(system, field) {
-            matrix.add_to(row, row, mass).then_some(())?;
-        }
-    }
-    Some(matrix)
+/// between are odd in number. With rows of the right signs (`row_signs`) the first coefficient is positive.
+fn has_odd_roots(is_negative: bool, would_be: bool) -> bool {
+    is_negative != would_be
 }

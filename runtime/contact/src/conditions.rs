@@ -15,6 +15,10 @@ use wfl_compiler::{
     types::{BasisSlot, FieldKind, FieldOp, InputSlot},
 };
 
+mod work;
+
+use work::{Motion, STILL, works_along};
+
 use super::{
     Contact, ContactTerm,
     alternation::{Alternation, PointGraph},
@@ -92,9 +96,6 @@ pub enum Look {
     Careful,
 }
 
-/// Work below this part of what it is if every component of a force resists has no sign: work of what rounding leaves
-/// of a force, which cancels.
-const SIGNLESS: f64 = 1e-6;
 /// A point slides if more than this part of its slip is beyond the friction bound: the larger part of the slip decides.
 const MOSTLY: f64 = 0.5;
 /// A traction along the face may leave the cone by this part of the pressure: it is made of the same stresses, which a mesh
@@ -103,9 +104,6 @@ const BETWEEN: f64 = 0.1;
 /// Roundoff of a difference of displacements and of the stresses beside it, in parts of the largest displacement: some
 /// tens of operations, each rounded.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
-/// A motion below this part of the largest displacement has no direction, and an overlap that the law resists is none:
-/// above the roundoff of displacements of which a difference is made, and below any that is seen.
-const STILL: f64 = 1e-9;
 /// Overlap, or sliding of points that stick, beyond this part of the largest displacement may be that of an elastic joint:
 /// what is below is told in any case, and what is looked at twice costs another evaluation of the law.
 const STRAINED: f64 = 0.1;
@@ -199,13 +197,13 @@ impl Violations {
         }
     }
 
-    fn add_tangential(&mut self, at: &Point<'_>, radius: f64, drives: impl FnOnce(&[f64]) -> bool) {
+    fn add_tangential(&mut self, at: &Point<'_>, radius: f64, drives: impl FnOnce(&[f64]) -> Option<bool>) {
         // of sides that move as one the argument is what rounding leaves of the motion, and so is the bound
         if radius <= ROUNDING * self.moved * at.slope {
             return;
         }
         if at.turns {
-            self.driven.add(at.weight, drives(at.x));
+            drives(at.x).into_iter().for_each(|drives| self.driven.add(at.weight, drives));
             return;
         }
         // where most of the slip is elastic its direction is that of an error of the mesh, as at a point that has stopped
@@ -215,7 +213,8 @@ impl Violations {
             self.drift = self.drift.max(norm(at.gap) / at.slope);
         }
         // friction resists what slides, and holds what sticks with the traction of the law
-        self.driven.add(at.weight, drives(if slips { at.gap } else { at.x }));
+        let drives = drives(if slips { at.gap } else { at.x });
+        drives.into_iter().for_each(|drives| self.driven.add(at.weight, drives));
         let traction = norm(&at.x.iter().zip(at.gap).map(|(x, g)| x - g).collect::<Vec<f64>>());
         self.cone.whole += at.weight * traction.max(radius);
         self.cone.part += at.weight * (traction - radius - at.left).max(0.0);
@@ -250,14 +249,6 @@ impl<I: Iterator<Item = usize>> FaceCount<I> {
             self.pressed.whole += usize::from(self.pressing > 0 && self.open == 0);
         }
     }
-}
-
-/// A displacement that the argument of a projection depends on.
-struct Motion {
-    /// The slot of its test function.
-    test: usize,
-    /// The derivatives of the argument with respect to it: the position of the value, and the entry of the argument.
-    slopes: Vec<(usize, usize)>,
 }
 
 /// How far bodies have moved.
@@ -356,7 +347,8 @@ impl ContactTerm {
                 let gap = gap_of(careful, point - 1, gap, p);
                 let x = &full[p.output..][..p.n];
                 let left = if careful.is_some() { BETWEEN * pressure } else { 0.0 };
-                let pulls = p.kind == ProjectionKind::HalfLine && matches!(x, [x] if *x > 0.0) && works_along(&[1.0]);
+                let presses_here = p.kind == ProjectionKind::HalfLine && matches!(x, [x] if *x > 0.0);
+                let pulls = presses_here && works_along(&[1.0]) == Some(true);
                 let at = Point { x, gap: &gap, slope: *slope, weight: weight.abs(), turns, left, pulls };
                 match p.kind {
                     // a part of a friction bound is no gap, and what grows as the sides part is no contact
@@ -555,37 +547,6 @@ struct Outputs<'a> {
     gap: Vec<[f64; LANES]>,
     /// The derivatives of the arguments, as soon as somebody has asked for them.
     slopes: Option<Vec<[f64; LANES]>>,
-}
-
-/// True if a force works as an argument moves along `direction`, in place of resisting. Of an argument that follows the pressure, too, what
-/// counts is the motion that leaves the `gaps`.
-fn works_along(flux: &[f64], motions: &[Motion], direction: &[f64], slopes: &[f64], gaps: &[&[Motion]]) -> bool {
-    let way_of = |motions: &[Motion], direction: &[f64]| {
-        let mut way = vec![0.0; flux.len()];
-        for Motion { test, slopes: places } in motions {
-            way[*test] = places.iter().map(|(at, entry)| direction[*entry] * slopes[*at]).sum();
-        }
-        way
-    };
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let mut along = way_of(motions, direction);
-    for gap in gaps {
-        let opens = way_of(gap, &[1.0]);
-        let (shared, size) = (dot(&along, &opens), dot(&opens, &opens));
-        if size > 0.0 && shared != 0.0 {
-            for (a, o) in along.iter_mut().zip(&opens) {
-                let taken = shared / size * o;
-                // rounding of what was taken is no motion, and a pressure would work on it
-                *a = if (*a - taken).abs() <= STILL * taken.abs() { 0.0 } else { *a - taken };
-            }
-        }
-    }
-    let (mut resisted, mut size) = (0.0f64, 0.0f64);
-    for work in flux.iter().zip(&along).map(|(f, a)| f * a) {
-        resisted += work;
-        size += work.abs();
-    }
-    resisted < -SIGNLESS * size
 }
 
 /// The length of a vector, without overflow.

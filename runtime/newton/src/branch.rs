@@ -17,6 +17,7 @@ use super::{
     load_step::{Done, Measured, Norm},
 };
 use wfl_compiler::types::FieldKind;
+use wfl_discrete::system::{FIXED, System};
 use wfl_linear::LinearSolver;
 use wfl_sparse::{
     csr::Csr,
@@ -43,7 +44,7 @@ const NO_SIDE: f64 = 1e-10;
 /// # Errors
 /// Those that end a run.
 pub(super) fn leave(step: &mut LoadStep<'_>, u: &mut [f64], size: f64) -> Result<Option<StepHistory>, NewtonError> {
-    let mut all: Option<StepHistory> = None;
+    let (mut all, mut was_lost): (Option<StepHistory>, bool) = (None, false);
     for _ in 0..MOST_BRANCHES {
         let before = u.to_vec();
         let found = from_one(step, u, size, all.take().unwrap_or_default());
@@ -56,6 +57,7 @@ pub(super) fn leave(step: &mut LoadStep<'_>, u: &mut [f64], size: f64) -> Result
             }
             Err(_) | Ok(Leaving::Lost(_)) => {
                 u.copy_from_slice(&before);
+                was_lost = true;
                 if let Ok(Leaving::Lost(history)) = found {
                     all = Some(history).filter(|h| h.converged());
                 }
@@ -63,8 +65,8 @@ pub(super) fn leave(step: &mut LoadStep<'_>, u: &mut [f64], size: f64) -> Result
             }
         }
     }
-    if all.is_some() {
-        // what is judged of the state is solved with the factor there
+    if all.is_some() || was_lost {
+        // what is judged of the state is solved with the factor there, and not with one on a way that led nowhere
         step.assemble_tangent(u, false)?;
         step.factor()?;
     }
@@ -164,7 +166,11 @@ impl Shifted {
         }
         step.assemble_tangent(u, false)?;
         let Some(matrix) = LinearSolver::symmetric_whole(system, step.tangent) else { return Ok(None) };
-        let diagonal: Vec<f64> = (0..matrix.n_rows()).map(|row| matrix.get(row, row).abs()).collect();
+        let diagonal: Vec<f64> = (0..matrix.n_rows()).map(|row| matrix.get(row, row)).collect();
+        if (0..system.fields.len()).any(|field| acts_as_force(system, field, &diagonal)) {
+            return Ok(None);
+        }
+        let diagonal: Vec<f64> = diagonal.into_iter().map(f64::abs).collect();
         Ok(diagonal.iter().all(|d| *d > 0.0).then_some(Self { matrix, diagonal }))
     }
 
@@ -220,6 +226,14 @@ impl Shifted {
         }
         (self.curvature(&v) < 0.0).then(|| sided(step, v))
     }
+}
+
+/// Whether no free unknown of a field has a stiffness of its own: a pressure, whose energy has a maximum where that of the
+/// displacements has a minimum.
+fn acts_as_force(system: &System, field: usize, diagonal: &[f64]) -> bool {
+    let dofs = system.range(field).into_iter().flatten();
+    let mut free = dofs.map(|dof| system.numbering.free[dof]).filter(|free| *free != FIXED).peekable();
+    free.peek().is_some() && free.all(|free| diagonal[free as usize] <= 0.0)
 }
 
 /// Turns a direction to the side that the loads push to; without such a side its first entry of at least half the largest

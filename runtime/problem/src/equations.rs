@@ -128,8 +128,12 @@ impl Scene {
         Ok(equations)
     }
 
-    /// The equations at the first step, where laws with a memory read the start as their past, and first values.
-    fn started(&self) -> Result<(Equations, Vec<f64>), SystemError> {
+    /// The equations at the first step, where laws with a memory read the start as their past, and first values. Nothing is
+    /// assembled.
+    ///
+    /// # Errors
+    /// [`SystemError`] where a known field or a first value is not finite.
+    pub fn started(&self) -> Result<(Equations, Vec<f64>), SystemError> {
         let mut equations = self.equations();
         let mut solving = self.solving(&mut equations);
         let u = solving.start().map_err(Box::new)?;

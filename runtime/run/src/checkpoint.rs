@@ -42,7 +42,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 25;
+const FORMAT: u64 = 26;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 

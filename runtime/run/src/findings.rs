@@ -6,7 +6,6 @@ use std::collections::BTreeMap;
 
 use wfl::{Code, Diagnostic};
 use wfl_checks::{About, Accuracy, NarrowZone, TurnedCells, Unstable, Zigzag};
-use wfl_compiler::types::FieldKind;
 use wfl_discrete::finite::position;
 use wfl_problem::Scene;
 
@@ -39,7 +38,7 @@ const CHECKS: &[Check] = &[
         look: |run| friction::findings(run.scene, &run.run.steps).collect(),
     },
     Check { codes: &[Code::W609], look: |run| several(&run.run.steps).into_iter().collect() },
-    Check { codes: &[Code::W640], look: |run| unstable(run.scene, &run.run.steps).into_iter().collect() },
+    Check { codes: &[Code::W640], look: |run| unstable(&run.run.steps).into_iter().collect() },
     Check { codes: &[Code::W641], look: |run| laborious(&run.run.steps).into_iter().collect() },
     Check { codes: &[Code::W606], look: |run| broken_conditions(run.scene, &run.run.steps) },
     Check { codes: &[Code::W645], look: watched::large_strains },
@@ -259,19 +258,22 @@ fn several(steps: &[StepResult]) -> Option<Diagnostic> {
 }
 
 /// W640: the first step that ends in an equilibrium which is no minimum of the energy.
-fn unstable(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
+fn unstable(steps: &[StepResult]) -> Option<Diagnostic> {
     let (time, found) = steps.iter().find_map(|s| Some((s.window.end, s.unstable?)))?;
     let directions = match found {
-        Unstable::Directions(1) => "1 direction (a negative eigenvalue of the tangent)".to_owned(),
-        Unstable::Directions(n) => format!("{n} directions (negative eigenvalues of the tangent)"),
+        Unstable::Directions(1) | Unstable::Beside(1) => {
+            "1 direction (a negative eigenvalue of the tangent)".to_owned()
+        }
+        Unstable::Directions(n) | Unstable::Beside(n) => {
+            format!("{n} directions (negative eigenvalues of the tangent)")
+        }
         Unstable::Odd => "an odd number of directions (by the sign of the determinant of the tangent)".to_owned(),
     };
-    let has_energy = found != Unstable::Odd && !scene.system.fields.iter().any(|f| f.kind == FieldKind::Multiplier);
-    let help = if has_energy {
+    let help = if matches!(found, Unstable::Directions(_)) {
         "`perturb=1e-6` follows the branch that buckles"
     } else {
-        "a force to the side of 1e-4 of the load leads to the branch that buckles (`perturb` needs a symmetric tangent without \
-         multipliers)"
+        "a force to the side of 1e-4 of the load leads to the branch that buckles (`perturb` needs a symmetric tangent of \
+         displacements alone, and changes nothing here)"
     };
     let text = format!("at t = {time} the equilibrium is not stable: the energy decreases in {directions}");
     Some(

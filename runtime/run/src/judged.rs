@@ -9,7 +9,7 @@ use wfl_discrete::{
     assemble::BranchCounts,
     field::Field,
     rates::Scheme,
-    system::{Form, Residual},
+    system::{Form, Residual, System},
 };
 use wfl_newton::{NewtonError, StepHistory, Stop};
 use wfl_problem::{Scene, Solving};
@@ -53,6 +53,13 @@ pub(super) fn turning_fields(scene: &Scene, judges: bool) -> Vec<String> {
     let first = if judges { scene.at_first_step().ok() } else { None };
     let found = first.map_or_else(Vec::new, |first| wfl_checks::turning_bodies(&first.system));
     found.into_iter().map(|body| body.field).collect()
+}
+
+/// The equations of the first step, assembled, and first values; `None` where they cannot be had.
+fn start(scene: &Scene) -> Option<(System, Vec<f64>)> {
+    let (mut equations, u) = scene.started().ok()?;
+    equations.system.begin_step(scene.steps.first_window()).ok()?;
+    Some((equations.system, u))
 }
 
 impl Run {
@@ -148,7 +155,11 @@ impl Run {
         let (narrow, zigzags) = (conditions.narrow, conditions.zigzags);
         let turned = wfl_checks::turned_cells(system, &self.u);
         // told once: later states lie on the branch of the first
-        let unstable = if known.unstable { None } else { wfl_checks::unstable(state, solver, due) };
+        let start = || start(scene);
+        let unstable = match known.unstable {
+            true => None,
+            false => wfl_checks::unstable(state, solver, due, &mut self.row_signs, &start),
+        };
         // a check never fails a state that has converged: what it cannot evaluate it does not judge
         let others = wfl_checks::others(system, contact, solver, &self.u, known.most).unwrap_or_default();
         let few = history.hidden > 0.0 || accuracy.as_ref().is_some_and(|a| a.digits() < findings::FEW_DIGITS);

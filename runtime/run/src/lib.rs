@@ -79,7 +79,7 @@ use stepping::{Making, Reached, StepError, Stepper};
 use thiserror::Error;
 pub use trajectory::{Passed, PassedStep, Trajectory};
 use watched::{Seen, Watched};
-use wfl_checks::{Accuracy, NarrowZone, Others, PhysicsCheck, TurnedCells, Unstable, Zigzag};
+use wfl_checks::{Accuracy, NarrowZone, Others, PhysicsCheck, RowSigns, TurnedCells, Unstable, Zigzag};
 use wfl_contact::{Creep, FrictionWork, SlidPast};
 use wfl_discrete::{
     assemble::BranchCounts,
@@ -341,6 +341,8 @@ struct Run {
     /// Whether converged states are judged.
     judges: bool,
     known_of_others: KnownOfOthers,
+    /// With which signs the equations are written.
+    row_signs: RowSigns,
     /// Fields whose laws know no rotations at the first step.
     turning: Vec<String>,
     /// Outputs that stay in memory.
@@ -372,6 +374,7 @@ impl Run {
             watched: Watched::default(),
             judges: options.judge,
             known_of_others: KnownOfOthers::default(),
+            row_signs: RowSigns::default(),
             turning,
         })
     }

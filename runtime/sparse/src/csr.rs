@@ -125,6 +125,18 @@ impl Csr {
         }
     }
 
+    /// Multiplies each row by a number.
+    ///
+    /// # Panics
+    /// When there is not one number for each row.
+    pub fn multiply_rows(&mut self, factors: &[f64]) {
+        assert!(factors.len() == self.n_rows(), "one factor a row");
+        let starts = self.pattern.row_starts();
+        for (row, factor) in factors.iter().enumerate() {
+            self.values[starts[row]..starts[row + 1]].iter_mut().for_each(|value| *value *= factor);
+        }
+    }
+
     /// `y = A x`. With `threads` above one, rows are shared out over rayon's current pool; the result is the same.
     ///
     /// # Panics

@@ -607,7 +607,8 @@ pages! {
          `solver newton` or a word of `wfl run`, pushes such a state along its lowest direction by that part of the extent of \
          the mesh and goes downhill to a stable one. Counted are the signs of pivots; what multipliers and pressures count for \
          in a stable state is taken off. Where the tangent is not symmetric (friction) the sign of its determinant is looked \
-         at. Linear scenes and scenes with rates are not judged.",
+         at: what it is in a stable state follows from the signs with which the equations are written, as the start of the run \
+         shows them, where bodies are taken to be at rest and stable. Linear scenes and scenes with rates are not judged.",
         "load u = [0, -3] on top",
         "load u = [0, -3] on top\nsolver newton with perturb=1e-6",
     ),

@@ -296,7 +296,7 @@ pub(super) const ROWS: &[StatementRow] = &[
         usage: "`solver newton with perturb=1e-6`",
         meaning: "a step that ends in an equilibrium which is not stable (W640) is pushed along the lowest direction, by so much of the \
                   extent of the mesh (at most 0.1), and goes downhill from there: the branch that buckles. Also on the command \
-                  line of `wfl run`; needs a symmetric tangent without multipliers",
+                  line of `wfl run`; needs a symmetric tangent of displacements alone",
         default: "the state stays",
     },
     StatementRow {

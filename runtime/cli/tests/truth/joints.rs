@@ -268,3 +268,36 @@ fn adhesion_and_damage_are_no_contact_that_pulls() {
         assert!(ran.tells("W606") || ran.code != 0, "{law}: {}", ran.text);
     }
 }
+
+/// A joint that opens as it is sheared, whose elastic slip opens it while it still sticks: the pressure works along that motion, and
+/// friction drives nothing. Told was whether the pressure times the dilation is more than the shear, which depends on the steps.
+#[test]
+fn a_joint_that_opens_while_it_sticks_is_not_driven() {
+    let scene = |steps: usize, sign: &str| {
+        format!(
+            "use \"contact\"\nparam E = 25000\nparam gamma = 1e3*E\nparam dil = 0.1\nparam fric = 0.4\n\
+             mesh box [-1,0] to [2,1] cells [6,2] quad\nregion left = cells where x < 0\nregion right = cells where x > 0\n\
+             region fault = interface from left to right\nregion west = faces where x == -1\nregion east = faces where x == 2\n\
+             region sides_left = faces of left where y == 0 or y == 1\n\
+             region sides_right = faces of right where y == 0 or y == 1\nunknown uL : vector Q1 on left\n\
+             unknown uR : vector Q1 on right\nunknown tau : scalar global\ndef sigma(v) = E*Sym(Grad_v)\n\
+             def trac(v) = sigma(v)*Normal\nterm elastic on left : sigma(uL):Grad_Test_uL\n\
+             term elastic2 on right : sigma(uR):Grad_Test_uR\nsteps t = 1/{steps} to 1 by 1/{steps}\nfix uL = [0, 0] on west\n\
+             fix uR = [-3*10/E, 3e-3*t] on east\nload uL = (tau*(if y > 0.5 then 1 else -1))*[1,0] on sides_left\n\
+             load uR = (tau*(if y > 0.5 then 1 else -1))*[1,0] on sides_right\n\
+             term ttau on fault : (tau + held(2))*Test_tau\n\
+             def Pt = gamma*(tang(jump(uL,uR)) - Previous_slid) - tang(trac(uL))\n\
+             def held = Ball_projection(Pt, fric*pos_part(Pn))\n\
+             def Pn = gamma*(jump(uL,uR).Normal + dil*Norm(tang(jump(uL,uR)))) - trac(uL).Normal\n\
+             state slid : vector on fault := Previous_slid + (Pt - held)/gamma\n\
+             term con on fault : (pos_part(Pn)*Normal + {sign}held).jump(Test_uL,Test_uR)\n\
+             measure s = mean(-(jump(uL,uR))(2)) on fault\n"
+        )
+    };
+    for steps in [8, 16, 32] {
+        let ran = run(&format!("sticking-dilatant-{steps}"), &scene(steps, ""), &[]);
+        assert!(ran.code == 0 && !ran.tells("W606"), "{steps}: {}", ran.text);
+        // (mu d/3 - F p0)/(mu/3 + F E dil/3) with the shear modulus mu = E/2
+        assert!((ran.last("s") - 1.888_889e-3).abs() < 1e-8, "{steps}: {}", ran.last("s"));
+    }
+}

@@ -17,6 +17,7 @@ mod mechanics;
 mod offsets;
 mod open;
 mod power_laws;
+mod row_signs;
 mod singular;
 mod stability;
 mod states;

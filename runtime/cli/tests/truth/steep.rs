@@ -117,3 +117,21 @@ fn what_is_held_once_contact_presses_is_not_called_loose() {
     let ran = run("conducts-apart", &scene("pos_part(p - 1e3)"), &[]);
     assert!(ran.code != 0 && ran.tells("E602"), "{}", ran.text);
 }
+
+/// A slider that sticks: its slip is zero, and what rounding leaves of it has no digits to lose. The position is the play operator
+/// of the pull, which needs no program.
+#[test]
+fn the_slip_of_a_slider_that_sticks_has_no_digits_to_lose() {
+    for gamma in ["1e2", "1e4", "1e8"] {
+        let scene = format!(
+            "mesh box [0] to [1] cells [1] segment with idle_cells=allowed\nparam gamma = {gamma}\nunknown u : scalar global\n\
+             unknown s : scalar global\ndef held = Ball_projection([gamma*(u - Previous_s)], 1)(1)\n\
+             term mem on global : (s - u + held/gamma)*Test_s\nterm bal on global : (held - (3*sin(t) - u))*Test_u\n\
+             steps t = 0 to 10 by 0.05\nmeasure d = max(u) on global\n"
+        );
+        let ran = run(&format!("play-{gamma}"), &scene, &[]);
+        ran.assert_silent();
+        // of the play operator: k u = pull -+ F, elastic by F/gamma at most
+        assert!((ran.last("d") + 0.632_063_332_7).abs() < 2.5 / gamma.parse::<f64>().unwrap(), "{}", ran.last("d"));
+    }
+}

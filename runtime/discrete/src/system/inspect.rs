@@ -73,13 +73,17 @@ impl System {
 
     /// Whether the values of a body are what rounding leaves of zero: other forces cancel in its equations (the load of an
     /// undrained body and the pressure in its pores), and no displacement is left. They are below `ZERO` of what cancels,
-    /// over the stiffness of each equation. Or they are what rounding leaves of positions.
+    /// over the stiffness of each equation; of single numbers (a slip beside displacements that cancel in one term, where the
+    /// tangent knows nothing of them) that is what is summed. Or they are what rounding leaves of positions.
     #[must_use]
     pub fn is_zero_but_for_rounding(&self, u: &[f64], here: &Residual, tangent: &Tangent, body: usize) -> bool {
         if self.are_rounding_of_positions(u, self.field_of_body(body), self.dofs_of_body(body)) {
             return true;
         }
-        let sizes = self.sizes(u, here, tangent);
+        let mut sizes = self.sizes(u, here, tangent);
+        if self.has_single_equations(self.field_of_body(body)) {
+            sizes.iter_mut().zip(self.summands(u, here)).for_each(|(size, summed)| *size = size.max(summed));
+        }
         let operator = tangent.operator().or_else(|| self.operator());
         let (mut found, mut natural) = (0.0f64, 0.0f64);
         for d in self.dofs_of_body(body) {

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use super::{Kind, LinearSolver};
 use wfl_discrete::system::{System, Tangent};
 use wfl_sparse::csr::Csr;
-use wfl_sparse::solve::{CheckedLlt, CheckedLu, Inertia, LinearSolver as _, SolveError, Source, inertia};
+use wfl_sparse::solve::{CheckedLlt, CheckedLu, Inertia, LinearSolver as _, SolveError, Source, inertia, symmetrising};
 
 /// What may be left of the difference to the transpose in a symmetric matrix, in parts of the largest entry: rounding of
 /// laws whose stresses cancel.
@@ -47,10 +47,28 @@ impl LinearSolver {
         self.may_be_symmetric && !self.symmetric || self.is_definite() == Some(false)
     }
 
+    /// Whether the equations are symmetric as they are written, whatever has become of the factors.
+    #[must_use]
+    pub fn may_be_symmetric(&self) -> bool {
+        self.may_be_symmetric
+    }
+
+    /// Whether the determinant of the whole tangent that was factored last is negative; it may be that of the iterate before the
+    /// last. `None` where parts alone are factored.
+    #[must_use]
+    pub fn has_negative_determinant(&self) -> Option<bool> {
+        if self.factors_all() { self.was_negative() } else { None }
+    }
+
     /// The whole tangent of a system, if it is symmetric.
     #[must_use]
     pub fn symmetric_whole(system: &System, tangent: &Tangent) -> Option<Csr> {
-        let whole = system.whole_matrix(tangent).ok()?;
+        Self::if_symmetric(system.whole_matrix(tangent).ok()?)
+    }
+
+    /// A matrix with the pattern of its transpose, if its values are symmetric.
+    #[must_use]
+    pub fn if_symmetric(whole: Csr) -> Option<Csr> {
         if !whole.is_symmetric(ASYMMETRY) {
             return None;
         }
@@ -61,6 +79,15 @@ impl LinearSolver {
         }
         places.values_mut().fill(0.0);
         whole.plus(&places).ok()
+    }
+
+    /// By row a number that makes a matrix symmetric, one for each group of rows; `None` where there is none.
+    #[must_use]
+    pub fn symmetrising(whole: &Csr, groups: &[u32]) -> Option<Vec<f64>> {
+        if whole.is_symmetric(ASYMMETRY) {
+            return Some(vec![1.0; whole.n_rows()]);
+        }
+        symmetrising(whole, Some(groups))
     }
 
     /// A Cholesky factor of a whole matrix.
@@ -88,6 +115,16 @@ impl LinearSolver {
                 }
                 Some(Inertia { positive: matrix.n_rows(), ..Inertia::default() })
             }
+            Err(SolveError::TooMuchMemory(_)) => None,
+            Err(_) => inertia(matrix, Some(self.coordinates.as_slice())).ok(),
+        }
+    }
+
+    /// As [`Self::inertia`], of a matrix that is not the tangent: what is solved with stays.
+    #[must_use]
+    pub fn inertia_beside(&self, matrix: &Csr) -> Option<Inertia> {
+        match self.cholesky(matrix) {
+            Ok(_) => Some(Inertia { positive: matrix.n_rows(), ..Inertia::default() }),
             Err(SolveError::TooMuchMemory(_)) => None,
             Err(_) => inertia(matrix, Some(self.coordinates.as_slice())).ok(),
         }

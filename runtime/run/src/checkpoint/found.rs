@@ -15,7 +15,8 @@ pub(super) fn found(w: &mut Writer, s: &StepResult) {
     w.count(match s.unstable {
         None => 0,
         Some(Unstable::Odd) => 1,
-        Some(Unstable::Directions(n)) => n + 1,
+        Some(Unstable::Directions(n)) => 2 * n,
+        Some(Unstable::Beside(n)) => 2 * n + 1,
     });
     w.count(s.narrow.len());
     for NarrowZone { term, faces } in &s.narrow {
@@ -59,7 +60,8 @@ pub(super) fn read_found(r: &mut Reader<'_>, step: &mut StepResult) -> Result<()
     step.unstable = match r.count()? {
         0 => None,
         1 => Some(Unstable::Odd),
-        n => Some(Unstable::Directions(n - 1)),
+        n if n % 2 == 0 => Some(Unstable::Directions(n / 2)),
+        n => Some(Unstable::Beside(n / 2)),
     };
     step.narrow = r.list(|r| {
         let term = r.text()?;

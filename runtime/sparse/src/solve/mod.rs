@@ -50,6 +50,7 @@ pub use condensed::{CheckedAtPoints, CheckedCondensed, DENSE_LIMIT, Elimination,
 pub use filtered::FilteredMultigrid;
 pub use inertia::{Inertia, inertia};
 pub use krylov::{Stop, gmres};
+pub use ldlt::symmetrising;
 pub use library::{CheckedLibrary, Engine, Equations, Library, Linked, Traits};
 pub use memory::SolverMemory;
 pub use multigrid::{

@@ -24,7 +24,7 @@ use super::symbolic::Symbolic;
 use super::triangular_solve::{Transpose, TriangularSolve};
 use crate::csr::{Csr, Pattern};
 use front::Pivots;
-use symmetry::symmetrising;
+pub use symmetry::symmetrising;
 use tree::{FrontalLdlt, Scaled};
 
 /// A reusable factorisation of matrices that may be symmetric.

@@ -21,7 +21,7 @@ const FIRST: usize = 1 << 14;
 
 /// The number of each row that makes a square matrix symmetric, 1 for the first row of a component; `None` where there is
 /// none. `groups` has the group of each row, from zero; without it all rows are one.
-pub(super) fn symmetrising(matrix: &Csr, groups: Option<&[u32]>) -> Option<Vec<f64>> {
+pub fn symmetrising(matrix: &Csr, groups: Option<&[u32]>) -> Option<Vec<f64>> {
     let largest_entries: Vec<f64> =
         (0..matrix.n_rows()).map(|row| largest(matrix.row(row).1.iter().copied())).collect();
     let Some(groups) = groups else {
