@@ -127,7 +127,7 @@ impl Groups {
 /// The signs of the groups of a matrix: those that are known, and what the matrix says of the others.
 pub(crate) fn signs(matrix: &Csr, groups: &Groups, known: &[Option<bool>]) -> Signs {
     let votes = Votes::of(matrix, groups);
-    let mut signs: Signs = known.iter().enumerate().map(|(g, known)| known.or_else(|| votes.own(g))).collect();
+    let mut signs = votes.own_signs(groups, known);
     for _ in 0..groups.count.len() {
         let next: Signs = (0..signs.len()).map(|group| signs[group].or_else(|| votes.beside(group, &signs))).collect();
         signs = next;
@@ -155,7 +155,7 @@ struct Votes {
     own: Vec<Vote>,
     /// By pair of groups products of entries across the diagonal.
     pairs: Vec<Vote>,
-    /// By group what the stiffness of others would add to its diagonal.
+    /// By pair of groups what the second, eliminated, would add to the diagonal of the first.
     eliminated: Vec<f64>,
 }
 
@@ -163,7 +163,7 @@ impl Votes {
     fn of(matrix: &Csr, groups: &Groups) -> Self {
         let n = groups.count.len();
         let mut this =
-            Self { own: vec![Vote::default(); n], pairs: vec![Vote::default(); n * n], eliminated: vec![0.0; n] };
+            Self { own: vec![Vote::default(); n], pairs: vec![Vote::default(); n * n], eliminated: vec![0.0; n * n] };
         let diagonal: Vec<f64> = (0..matrix.n_rows()).map(|row| matrix.get(row, row)).collect();
         for row in 0..matrix.n_rows() {
             let here = groups.of_row[row] as usize;
@@ -178,18 +178,30 @@ impl Votes {
                 let product = value * matrix.get(column, row);
                 this.pairs[here * n + there].add(product);
                 if diagonal[column] != 0.0 {
-                    this.eliminated[here] += (product / diagonal[column]).abs();
+                    this.eliminated[here * n + there] += (product / diagonal[column]).abs();
                 }
             }
         }
         this
     }
 
-    /// What the diagonal of a group says.
-    fn own(&self, group: usize) -> Option<bool> {
-        let Vote { sum, size } = self.own[group];
-        let is_there = size > NOTHING * self.eliminated[group];
-        (is_there && sum.abs() > DECIDED * size).then_some(sum < 0.0)
+    /// The signs that are known, and what diagonals say of the others. Of two groups that are coupled far more than they are
+    /// stiff, such as displacements and the pressures of a body that is all but incompressible, the one with more rows counts: what
+    /// can be solved has no more pressures than displacements.
+    fn own_signs(&self, groups: &Groups, known: &[Option<bool>]) -> Signs {
+        let n = known.len();
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by_key(|group| std::cmp::Reverse(groups.count[*group]));
+        let (mut signs, mut stiff) = (known.to_vec(), Vec::new());
+        for group in order {
+            let Vote { sum, size } = self.own[group];
+            let eliminated: f64 = stiff.iter().map(|other| self.eliminated[group * n + other]).sum();
+            if size > NOTHING * eliminated && sum.abs() > DECIDED * size {
+                signs[group] = signs[group].or(Some(sum < 0.0));
+                stiff.push(group);
+            }
+        }
+        signs
     }
 
     /// What couplings with groups of known signs say: they are skew.

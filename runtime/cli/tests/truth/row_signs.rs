@@ -54,10 +54,13 @@ fn column(law: &str, kind: &str, load: f64) -> String {
 /// Of the row `log(J)` the tangent is symmetric, up to signs; of the row `J - 1` it is not.
 #[test]
 fn a_column_beyond_eulers_load_is_told_however_its_pressures_are_counted_and_signed() {
-    for (name, law, kind) in
-        [("log", "log(J)", "unknown"), ("det", "(J - 1)", "unknown"), ("multiplier", "(J - 1)", "multiplier")]
-    {
-        let (below, above) = (column(law, kind, 0.0065), column(law, kind, 0.03));
+    for (name, law, kind, bulk) in [
+        ("log", "log(J)", "unknown", "h/100"),
+        ("det", "(J - 1)", "unknown", "h/100"),
+        ("multiplier", "(J - 1)", "multiplier", "h/100"),
+        ("incompressible", "(J - 1)", "unknown", "h/1e13"),
+    ] {
+        let [below, above] = [0.0065, 0.03].map(|load| column(law, kind, load).replace("h/100", bulk));
         assert_stable(&format!("{name}-below"), &below, [10, 11]);
         for (which, told) in told_of_all(&format!("{name}-above"), &above, [10, 11]) {
             // 0.0075 is below the critical load, 0.015 above
