@@ -37,13 +37,14 @@ const LONGEST: f64 = 64.0;
 const UPHILL_CUT: f64 = 1.0 / 8.0;
 
 /// True if a correction may be far too long or too short for what it is of: with frozen branches, where bodies or faces are not
-/// linear then (friction by the logarithm of a slip rate, pressure by a power of a gap, beside linear bodies as well); as written,
-/// where bodies are not linear and there may be an energy.
+/// linear then (friction by the logarithm of a slip rate, pressure by a power of a gap, beside linear bodies as well), but not where
+/// sides meet at other places with each step, and forces end at edges; as written, where bodies are not linear and there may be an
+/// energy.
 pub(super) fn applies(system: &System, method: Method) -> bool {
     let bodies = || system.terms.iter().any(|t| t.on_cells() && t.law.class >= Class::Nonlinear);
     match method {
         Method::Residual => system.is_symmetric() && bodies(),
-        _ => method.freezes() && !system.is_affine_when_frozen(),
+        _ => method.freezes() && (bodies() || !system.is_affine_when_frozen() && !system.has_moving_images()),
     }
 }
 

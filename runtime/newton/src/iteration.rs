@@ -273,7 +273,10 @@ impl Attempt<'_> {
     /// Why the iteration stops here, by the tangent at hand: also below a bound of what rounds, once that no longer helps.
     fn stops(&self, step: &LoadStep<'_>) -> Option<Stop> {
         let is_rounding = || (self.here.bounded && !self.falls()).then_some(Stop::Floor);
-        let stop = self.here.stop(step.options).or_else(is_rounding);
+        // of what cancels inside the law of a single equation nobody knows the rounding: it is left once that no longer falls
+        let is_corrected = || self.history.iterations.last().is_some_and(|last| last.number > 0);
+        let is_small = || (self.here.is_small && is_corrected() && !self.falls()).then_some(Stop::Floor);
+        let stop = self.here.stop(step.options).or_else(is_rounding).or_else(is_small);
         // without a force the tolerance is one of what cancels: of a body that moves freely more than rounding is left there
         let is_more = self.here.no_force && self.here.relative > self.here.floor;
         stop.filter(|_| !is_more || !self.falls())

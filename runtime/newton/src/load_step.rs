@@ -125,6 +125,8 @@ pub(super) struct Measured {
     pub(super) settled: bool,
     /// A single equation has more left than rounding and the tolerance of what it began with.
     pub(super) is_open: bool,
+    /// Nothing has more left than rounding and the tolerance of what cancels in it.
+    pub(super) is_small: bool,
     /// What is left is below bounds of what rounds in positions and inside laws: it is rounding once it no longer falls.
     pub(super) bounded: bool,
     /// Fields have no force but rounding.
@@ -207,6 +209,7 @@ impl LoadStep<'_> {
         }
         let (relative, floor) = (all.relative(), all.floor());
         let (no_force, is_open) = (scales.no_force, all.has_open_equation());
+        let is_small = all.are_settled_beside_summands(is_multiplier, self.options.tolerance);
         let residual = if norm.frozen {
             system.frozen_residual(&written, u, self.contact.active_set())?
         } else {
@@ -221,6 +224,7 @@ impl LoadStep<'_> {
             floor,
             settled,
             is_open,
+            is_small,
             bounded,
             no_force,
             norm,

@@ -28,8 +28,8 @@ struct BodyMeasure {
     steep: bool,
 }
 
-/// So much larger than the tolerance is what may be left of what an equation began with: six digits of ten. What a step does to
-/// an equation is small beside what cancels in it, and one correction in four would be made for digits that no result shows.
+/// What may be left of what an equation began with, in units of the tolerance: six digits of ten. What a step does to an equation is
+/// small beside what cancels in it, and one correction in four would be made for digits that no result shows.
 const OF_BEGINNING: f64 = 1e4;
 
 /// What is known of a single equation.
@@ -117,6 +117,12 @@ impl BodyMeasures {
         (0..self.bodies.len()).all(|k| self.is_settled(k, &is_multiplier, tolerance))
     }
 
+    /// The same where single equations may have left of what they began with whatever the tolerance allows of what cancels in them.
+    pub(crate) fn are_settled_beside_summands(&self, is_multiplier: impl Fn(usize) -> bool, tolerance: f64) -> bool {
+        (0..self.bodies.len())
+            .all(|k| self.bodies[k].relative <= tolerance || self.is_settled(k, &is_multiplier, tolerance))
+    }
+
     /// True if multipliers alone keep all open.
     pub(crate) fn is_open_by(&self, is_multiplier: impl Fn(usize) -> bool, tolerance: f64) -> bool {
         let mut open = (0..self.bodies.len()).filter(|k| !self.is_settled(*k, &is_multiplier, tolerance)).peekable();
@@ -148,6 +154,7 @@ mod tests {
             let mut all = BodyMeasures::new(1);
             all.add_equations(0, &[Equation { residual, scale: 1e7, began: 1e-3, rounding }], 1e-10);
             assert_eq!(all.has_open_equation(), !all.are_settled(|_| false, 1e-10));
+            assert!(all.are_settled_beside_summands(|_| false, 1e-10));
             all.are_settled(|_| false, 1e-10)
         };
         assert!(!settled(1e-3, 1e-8) && !settled(2e-8, 1e-8));

@@ -13,6 +13,7 @@ fn measured(relative: f64, settled: bool, no_force: bool) -> Measured {
         relative,
         floor: 0.0,
         is_open: false,
+        is_small: false,
         settled,
         bounded: settled,
         no_force,
