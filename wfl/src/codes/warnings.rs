@@ -709,7 +709,8 @@ pages! {
         "At the end of a step points are between two branches within 1e-9 of what they compare: between stick and slip, open \
          and closed, or two points share the largest value of a measure. There a result has one derivative for changes to one \
          side and another one to the other; that of the adjoint is the side of the branch that the law takes (contact, stick). \
-         `wfl verify --gradient` shows both sides by differences of runs. Where parameters move the mesh, so has a region whose \
+         `wfl verify --gradient` shows both sides by differences of runs. Where both sides of a kink stay one number whatever moves, as the jump \
+         does at the tip of a crack, there is none. Where parameters move the mesh, so has a region whose \
          condition takes other cells or faces on the displaced mesh (`x == 2` for the end of a box `to [L,1]`), and the size of \
          cells that are as long as wide.",
         "load u = [at_onset, 0] on east",
