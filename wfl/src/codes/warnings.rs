@@ -628,7 +628,7 @@ pages! {
         "A body whose law depends on Sym(Grad_u) alone was stretched by more than 0.3, or has moved by more than the extent of \
          the mesh: such a law says nothing there. The load is beyond what the body bears (a limit load), or a unit or a power \
          of ten is wrong; bodies that deform so much need a law of finite strain. The message has the first step and the place. \
-         Judged are displacements whose unit is a length, and bodies whose law has a memory.",
+         Judged are displacements whose unit is a length, and bodies whose law has a memory: it reads a state, or what one was.",
         "load u = [1e5,0] on east",
         "load u = [1,0] on east",
     ),
