@@ -419,6 +419,23 @@ fn a_pressure_that_alternates_is_told_with_the_least_step() {
     }
 }
 
+/// A pressure about an absolute one of 5e7, with a mobility that grows with what it is above that: the same field as about zero.
+#[test]
+fn a_pressure_that_alternates_about_an_absolute_one_is_told() {
+    for p0 in ["0", "5e7"] {
+        let text = format!(
+            "wfl 1\nparam p0 = {p0}\nmesh box [0,0] to [1,10] cells [1,20] quad\nregion bot = faces where y == 0\n\
+             region top = faces where y == 10\nregion sides = faces where x == 0 or x == 1\nunknown u : vector Q2\n\
+             unknown p : scalar Q1\nstart p = p0\nterm m on all : 8e9*Sym(Grad_u):Grad_Test_u - 0.8*p*Div_Test_u\n\
+             term c on all : (0.8*Div_Dot_u + 1e-11*Dot_p)*Test_p + 1e-17*(1 + 1e-7*(p - p0))*Grad_p.Grad_Test_p\n\
+             load u = [0,-0.8*p0] on top\nfix u(1) = 0 on sides\nfix u(2) = 0 on bot\nload p = 1e-9 on bot\nfix p = p0 on top\n\
+             steps t = 0 to 1e6 by 1e5\nmeasure dp = max(p - p0) on bot\n"
+        );
+        let found = run(&format!("mechanics-absolute-{p0}"), &text, &[]);
+        assert!(found.code == 0 && found.tells("W649"), "{p0}: {}", found.text);
+    }
+}
+
 /// A body that is sheared and keeps its volume has no pressure; what rounding leaves of one alternates as it likes.
 #[test]
 fn a_pressure_that_is_rounding_is_not_told() {
