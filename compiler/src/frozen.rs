@@ -17,6 +17,7 @@ mod half_lines;
 
 pub(crate) use half_lines::active_code;
 mod parameters;
+mod pressing;
 mod slopes;
 
 #[cfg(test)]
@@ -51,7 +52,7 @@ pub struct Projection {
     /// Its first output in the watch law: the argument (n), the radius (balls only), the value p on its branch (n).
     pub output: usize,
     /// Its value is a force of the term; false if it is used for nothing but the radius of balls, as a part of a
-    /// friction bound is that is no gap.
+    /// friction bound is that is no gap, and for an aperture beside a half line that presses (`frozen/pressing.rs`).
     pub acts: bool,
 }
 
@@ -114,7 +115,8 @@ pub fn compile_frozen(
     let rewritten = half_lines::rewritten(&listing.graph, root, env.fields);
     let (from, root) = rewritten.as_ref().map_or((&listing.graph, root), |(graph, root)| (graph, *root));
     let order = from.reachable(root);
-    let (found, kept) = projections(from, root, &order);
+    let (mut found, kept) = projections(from, root, &order);
+    pressing::leave_pressing(from, root, env.fields, &mut found);
     let sizes = found.last().map(|f| f.projection.branch.end())?;
     let fields = with_branches(env.fields, field, sizes);
     let env = Env { fields: &fields, ..*env };

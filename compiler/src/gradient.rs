@@ -332,31 +332,66 @@ pub struct KinkSides {
     pub law: ValueLaw,
     /// What each of them is.
     pub kinds: Vec<KinkKind>,
+    /// What they move by; `None` where it was not asked for, or where there is no derivative.
+    pub motion: Option<KinkMotion>,
+}
+
+/// What the kinks of a law move by along a direction, which is the values of the companions. A comparison moves by what its sides
+/// do, a projection by the entries of its vector and by its radius. Where all of these are the same on both sides along
+/// every direction, nothing leads to one side of the kink rather than to the other.
+#[derive(Clone, Debug)]
+pub struct KinkMotion {
+    /// `[what a side moves by, what the other side does, magnitude of what they are made of]` of one pair after the other.
+    pub law: ValueLaw,
+    /// By kink how many pairs it has.
+    pub pairs: Vec<usize>,
 }
 
 /// The sides of the kinks of a term that move with the unknowns; `None` without such kinks.
 #[must_use]
-pub fn compile_kink_sides(env: &Env<'_>, place: &PlaceSig, name: &str, listing: &Listing) -> Option<KinkSides> {
-    sides_of(env, place, name, (listing.graph.clone(), listing.residual?))
+pub fn compile_term_kink_sides(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    source: TermSource<'_>,
+    companions: Companions,
+) -> Option<KinkSides> {
+    let listing = listing_of(env, place, source).value?;
+    sides_of(env, place, name, (listing.graph, listing.residual?), Some(companions))
 }
 
 /// The sides of the kinks of an expression that move with the unknowns; `None` without such kinks.
 #[must_use]
-pub fn compile_value_kink_sides(env: &Env<'_>, place: &PlaceSig, name: &str, expr: &Expr) -> Option<KinkSides> {
+pub fn compile_value_kink_sides(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    expr: &Expr,
+    companions: Option<Companions>,
+) -> Option<KinkSides> {
     let mut builder = Builder::new(env, place);
     let root = builder.expr(expr)?;
-    sides_of(env, place, name, (builder.graph, root))
+    sides_of(env, place, name, (builder.graph, root), companions)
 }
 
-fn sides_of(env: &Env<'_>, place: &PlaceSig, name: &str, of: (Graph, ExprId)) -> Option<KinkSides> {
+fn sides_of(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    of: (Graph, ExprId),
+    companions: Option<Companions>,
+) -> Option<KinkSides> {
     let (mut graph, root) = of;
     let (mut kinds, mut sides, mut known) = (Vec::new(), Vec::new(), BTreeSet::new());
+    let mut moving: Vec<Vec<Pair>> = Vec::new();
     for e in graph.reachable(root) {
         match *graph.node(e) {
             Node::Ball(v, r) if graph.depends(v).unknown || graph.depends(r).unknown => {
                 kinds.push(KinkKind::Ball);
                 let (norm, radius) = (graph.norm(v), graph.to_scalar(r));
                 sides.extend([norm, radius]);
+                let entries = (0..graph.shape(v).len()).map(|entry| Pair { side: v, other: None, entry });
+                moving.push(entries.chain([Pair { side: radius, other: None, entry: 0 }]).collect());
             }
             Node::Select(mask, ..) if graph.depends(mask).unknown && known.insert(mask) => {
                 for (a, b) in compared(&graph, mask) {
@@ -364,13 +399,56 @@ fn sides_of(env: &Env<'_>, place: &PlaceSig, name: &str, of: (Graph, ExprId)) ->
                         kinds.push(KinkKind::Select);
                         let pair = [graph.entry(a, k), graph.entry(b, k)];
                         sides.extend(pair);
+                        moving.push(vec![Pair { side: a, other: Some(b), entry: k }]);
                     }
                 }
             }
             _ => {}
         }
     }
-    Some(KinkSides { law: sides_law(env, place, name, &graph, &sides)?, kinds })
+    let law = sides_law(env, place, name, &graph, &sides)?;
+    let motion = companions.and_then(|companions| motion_of(env, place, name, (graph, &moving), companions));
+    Some(KinkSides { law, kinds, motion })
+}
+
+/// An entry of a node, and the same of another one; of one that stands alone, and zero.
+struct Pair {
+    side: ExprId,
+    other: Option<ExprId>,
+    entry: usize,
+}
+
+/// What the pairs of each kink move by.
+fn motion_of(
+    env: &Env<'_>,
+    place: &PlaceSig,
+    name: &str,
+    of: (Graph, &[Vec<Pair>]),
+    companions: Companions,
+) -> Option<KinkMotion> {
+    let (mut graph, moving) = of;
+    let motion = companions.motion(env, Role::Current);
+    let mut sides = Vec::new();
+    for Pair { side, other, entry } in moving.iter().flatten() {
+        for side in [Some(*side), *other] {
+            let moved = match side {
+                Some(side) => {
+                    let moved = derive(&mut graph, side, &mut |g, leaf| {
+                        // the past of a rate moves with what was before: what it is now tells enough
+                        let is_history = matches!(leaf, Leaf::Field { role: Role::History(_), .. });
+                        let own = if is_history { None } else { companions.along(g, leaf) };
+                        with_mesh(g, leaf, own, motion)
+                    });
+                    let moved = moved.ok()?;
+                    graph.entry(moved, *entry)
+                }
+                None => graph.number(0.0),
+            };
+            sides.push(moved);
+        }
+    }
+    let law = sides_law(env, place, name, &graph, &sides)?;
+    Some(KinkMotion { law, pairs: moving.iter().map(Vec::len).collect() })
 }
 
 /// The comparisons that a mask is made of.

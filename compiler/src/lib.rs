@@ -60,9 +60,9 @@ pub use frozen::{
     ArgumentSlope, FrozenLaw, Projection, ScaledPart, Scaling, SlopesLaw, compile_frozen, scaling_parameters,
 };
 pub use gradient::{
-    Companions, KinkSides, ToSide, compile_growth_along, compile_kink_sides, compile_position_slopes, compile_slopes,
-    compile_term_along, compile_term_gradient, compile_term_to_side, compile_value_along, compile_value_gradient,
-    compile_value_kink_sides, compile_value_to_side, kinks_of_term, kinks_of_value,
+    Companions, KinkMotion, KinkSides, ToSide, compile_growth_along, compile_position_slopes, compile_slopes,
+    compile_term_along, compile_term_gradient, compile_term_kink_sides, compile_term_to_side, compile_value_along,
+    compile_value_gradient, compile_value_kink_sides, compile_value_to_side, kinks_of_term, kinks_of_value,
 };
 pub use graph::{ExprId, Graph, Leaf, Node, Role};
 pub use interp::{InterpreterBackend, NonFinite, compares_nan, first_non_finite, interpret, interpret_lanes};

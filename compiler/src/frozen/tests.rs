@@ -293,3 +293,19 @@ fn kinds(text: &str, numbers: &[(&str, f64)]) -> Vec<ProjectionKind> {
         frozen.map_or_else(Vec::new, |f| f.projections.iter().map(|p| p.kind).collect())
     })
 }
+
+/// An aperture in the equations of a field that it does not read acts in none of its words, beside a half line that presses.
+#[test]
+fn an_aperture_beside_a_pressure_does_not_act() {
+    let press = "pos_part(k*(u.Normal - g))*(Test_u.Normal)";
+    let flow =
+        "(1 + pos_part(g - u.Normal))*Interpolate(w, neighbor_element)(1)*Interpolate(Test_w, neighbor_element)(1)";
+    let bond = "pos_part(g - u.Normal)*(Test_u.Normal)";
+    let acts =
+        |text: &str| with_frozen(text, &NUMBERS, |_, _, frozen| frozen.projections.iter().filter(|p| p.acts).count());
+    assert_eq!(acts(&format!("{press} + {flow}")), 1);
+    assert_eq!(acts(&format!("{flow} + {press}")), 1);
+    assert_eq!(acts(&format!("{press} - {bond}")), 2);
+    // alone it is all that there is
+    assert_eq!(acts(flow), 1);
+}

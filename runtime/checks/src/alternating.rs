@@ -117,7 +117,7 @@ fn judged(system: &System, u: &[f64], pair: &mut PorePressure) -> Option<Alterna
         system.terms.iter().filter(|t| t.on_cells() && t.law.tests.iter().any(|s| s.field.index() == pair.pressure));
     let cells: Vec<CellId> = cells.flat_map(|t| sampled_cells(system, t)).collect();
     // most steps are long enough, and nothing more is looked at
-    if cells.into_iter().all(|c| Coefficients::of(system, *pair, c).ratio(system, c).is_none_or(|r| r <= BOUND)) {
+    if cells.into_iter().all(|c| Coefficients::of(system, u, *pair, c).ratio(system, c).is_none_or(|r| r <= BOUND)) {
         pair.long_enough = Some(increment);
         return None;
     }
@@ -126,7 +126,7 @@ fn judged(system: &System, u: &[f64], pair: &mut PorePressure) -> Option<Alterna
         let nodes = space.position_of_cell(*c).map(|p| space.entity_nodes(p));
         nodes.is_some_and(|nodes| nodes.contains(&node))
     })?;
-    let at = Coefficients::of(system, *pair, cell);
+    let at = Coefficients::of(system, u, *pair, cell);
     if at.is_rounding(system, u, *pair) {
         return None;
     }
@@ -203,9 +203,9 @@ struct Coefficients {
 }
 
 impl Coefficients {
-    fn of(system: &System, pair: PorePressure, cell: CellId) -> Self {
-        let zero = vec![0.0; system.numbering.n_dofs];
-        let values = system.values(&zero);
+    /// At the state `u`: of a law that is not linear a mobility far from it may have any value, at a pressure of zero a negative one.
+    fn of(system: &System, u: &[f64], pair: PorePressure, cell: CellId) -> Self {
+        let values = system.values(u);
         let mut this = Self::default();
         for term in system.terms.iter().filter(|t| t.on_cells()) {
             let Some(at) = term.point_tangent(&system.mesh, values.view(), cell) else { continue };

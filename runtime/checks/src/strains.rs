@@ -58,10 +58,12 @@ pub fn small_strain_bodies(system: &System) -> Vec<SmallStrainBody> {
     all.map(|field| SmallStrainBody { field, has_memory: has_memory(system, field) }).collect()
 }
 
-/// True for a body with a law that reads states.
+/// True for a body with a law that reads states, as they are or, as return mappings do, as they were.
 fn has_memory(system: &System, field: usize) -> bool {
     let reads_state = |slot: &InputSlot| match slot {
-        InputSlot::Field(b) => system.fields.get(b.field.index()).is_some_and(|f| f.kind == FieldKind::State),
+        InputSlot::Field(b) | InputSlot::Previous(b) | InputSlot::History(_, b) => {
+            system.fields.get(b.field.index()).is_some_and(|f| f.kind == FieldKind::State)
+        }
         _ => false,
     };
     let stress = |t: &AssembledTerm| t.law.tests.iter().any(|s| s.field.index() == field && s.op == FieldOp::Grad);

@@ -134,6 +134,42 @@ fn a_gap_that_closes_to_rounding_has_two_sides() {
     }
 }
 
+/// At the tips of a crack both sides are one node: the jump is zero whatever moves, and no branch is another one's neighbour there.
+/// Where the faces rest on each other without a force, they may open or close, and that is told.
+#[test]
+fn the_tips_of_a_crack_are_no_kinks() {
+    let folder = Folder::new("gradient-tips");
+    let scene = |law: &str, side: &str| {
+        format!(
+            "wfl 1\nuse \"elasticity\"\nuse \"contact\"\nparam q = 1\nparam L = 2\nmesh box [-2,-2] to [{side},2] cells [8,8] quad\n\
+             region low = cells where y < 0\nregion upp = cells where y > 0\n\
+             region crack = interface from low to upp & faces of low where y == 0 and abs(x) < 1.01\n\
+             region floor = faces where y == -2\nregion top = faces where y == 2\nunknown u : vector\nsplit u across crack\n\
+             def p = pos_part(1e6*jump(u,u).Normal)\nterm el on all : work(u, Test_u, 1000, 0.2)\n\
+             term con on crack : {law}\nfix u = [0,0] on floor\nload u = [q/5,-q] on top\nmeasure d = min(u(2)) on top\n"
+        )
+    };
+    let press = "p*(Normal.jump(Test_u,Test_u))";
+    let rub = "(p*Normal + Ball_projection(1e6*(jump(u,u) - (jump(u,u).Normal)*Normal), 0.9*p)).jump(Test_u,Test_u)";
+    for (name, law) in [("press", press), ("rub", rub)] {
+        let file = format!("{name}.wfl");
+        folder.write(&file, scene(law, "2"));
+        let asked = |with: &str, q: &str| {
+            let done = folder.wfl(&["run", &file, q, "--threads", "1", "--gradient", "d", "--with", with]);
+            assert!(done.status.success(), "{}", said(&done));
+            said(&done)
+        };
+        let closed = asked("q", "q=1");
+        assert!(!closed.contains("W660"), "{name}: {closed}");
+        let at_rest = asked("q", "q=0");
+        assert!(at_rest.contains("6 of 8 points of `con` are between"), "{name}: {at_rest}");
+        // the nodes of the mesh move, and both sides of a tip with them
+        folder.write(&file, scene(law, "L"));
+        let moved = asked("L", "q=1");
+        assert!(!moved.contains("of `con` are between"), "{name}: {moved}");
+    }
+}
+
 #[test]
 #[cfg_attr(debug_assertions, ignore = "slow: release suite")]
 fn steps_are_computed_again_where_memory_does_not_hold_them_all() {

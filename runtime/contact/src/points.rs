@@ -103,13 +103,33 @@ impl ContactTerm {
         for (at, point) in self.points_at(system, values).iter().enumerate() {
             let gap = self.outputs_of(&self.without_tractions(system, &point.inputs), self.law.uniforms());
             let slopes = self.slopes.at_point(&point.inputs);
-            for (position, p) in self.projections.iter().enumerate().filter(|(_, p)| p.acts) {
+            let counts = self.counting(system, &slopes, &found.normals[at]);
+            for (position, p) in self.projections.iter().enumerate().filter(|(k, _)| counts[*k]) {
                 // where images move the gap turns with the bodies: without gradients it is another one
                 let own = (!self.moves()).then(|| self.motion(system, position, &gap[p.output..][..p.n], &slopes));
                 let moved = own.flatten();
                 place(p, point, moved, at, found);
             }
         }
+    }
+
+    /// Which projections say something of a point with these slopes and this normal: those that act, and of several half lines
+    /// those that close as the sides come together, if there are some. What a bond holds an open gap with is no contact.
+    fn counting(&self, system: &System, slopes: &[f64], normal: &[f64; 3]) -> Vec<bool> {
+        let is_gap = |p: &Projection| p.acts && p.kind == ProjectionKind::HalfLine && p.n == 1;
+        let mut counts: Vec<bool> = self.projections.iter().map(|p| p.acts).collect();
+        if self.projections.iter().filter(|p| is_gap(p)).count() < 2 {
+            return counts;
+        }
+        let along = |(k, p): (usize, &Projection)| {
+            let moved = if is_gap(p) { self.motion(system, k, &[1.0], slopes) } else { None };
+            moved.map_or(0.0, |moved| moved.iter().zip(normal).map(|(m, n)| m * n).sum::<f64>())
+        };
+        let along: Vec<f64> = self.projections.iter().enumerate().map(along).collect();
+        if along.iter().any(|by| *by > 0.0) {
+            counts.iter_mut().zip(&along).for_each(|(counts, by)| *counts &= *by >= 0.0);
+        }
+        counts
     }
 }
 

@@ -226,7 +226,7 @@ impl Backwards<'_, '_> {
             self.laws.set_step(self.standing.step_of(window));
         }
         if step.kind != Passed::Given {
-            join(&mut found.near, kinks.near(&self.standing.solving, &step.u, window, None));
+            join(&mut found.near, kinks.near(&self.standing.solving, self.extended, &step.u, window, None));
         }
         let explicit = self.standing.solving.explicit.clone().filter(|_| step.kind == Passed::Explicit);
         if let Some(rates) = step.rates.as_ref().filter(|_| explicit.is_none()) {
@@ -277,7 +277,10 @@ impl Backwards<'_, '_> {
             let shared = self.of_measure(weighed, (points, *weight), step)?;
             join(&mut found.near, shared);
             let at = step.window;
-            join(&mut found.near, kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));
+            join(
+                &mut found.near,
+                kinks.near(&self.standing.solving, self.extended, step.at_end(), at, Some(weighed.measure)),
+            );
             let into = weighed.into;
             let live = &mut found.sums[into].live;
             self.spread(1.0, Read::AtTheEnd, &mut found.end[into], &mut found.start[into], live);

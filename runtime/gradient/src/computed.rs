@@ -151,7 +151,8 @@ impl Number {
         let Some(laws) = made.value else { return Err(no_derivative(name, first(made.diagnostics))) };
         let callable = |law| Value::new(law, &InterpreterBackend).map_err(|e| not_made(&e.to_string()));
         let slopes = laws.into_iter().map(|law| law.map(callable).transpose()).collect::<Result<_, _>>()?;
-        let sides = compile_value_kink_sides(&env, &place, name, e).map(|sides| callable(sides.law)).transpose()?;
+        let sides =
+            compile_value_kink_sides(&env, &place, name, e, None).map(|sides| callable(sides.law)).transpose()?;
         Ok(Self { name: name.to_owned(), span, inputs, first: first_field, slopes, sides })
     }
 

@@ -265,7 +265,7 @@ impl Forwards<'_, '_> {
             let at = step.window;
             if step.kind != Passed::Given {
                 let at = self.standing.window_of(step);
-                near.push(kinks.near(&self.standing.solving, &step.u, at, None));
+                near.push(kinks.near(&self.standing.solving, self.extended, &step.u, at, None));
             }
             if self.standing.is_within(step) {
                 self.go_to_end(step, moving)?;
@@ -274,7 +274,8 @@ impl Forwards<'_, '_> {
                 self.standing.put_states_behind(n)?;
                 // the list is read backwards, as the adjoint finds it
                 for (k, weighed) in asked.weighed.iter().enumerate().rev().filter(|(_, w)| w.steps[*end] != 0.0) {
-                    near.push(kinks.near(&self.standing.solving, step.at_end(), at, Some(weighed.measure)));
+                    let (u, of) = (step.at_end(), Some(weighed.measure));
+                    near.push(kinks.near(&self.standing.solving, self.extended, u, at, of));
                     let shared = self.measure((k, weighed), step, moving, |d, x| {
                         moved[d][weighed.into][*end] += weighed.steps[*end] * x;
                     });

@@ -628,7 +628,7 @@ pages! {
         "A body whose law depends on Sym(Grad_u) alone was stretched by more than 0.3, or has moved by more than the extent of \
          the mesh: such a law says nothing there. The load is beyond what the body bears (a limit load), or a unit or a power \
          of ten is wrong; bodies that deform so much need a law of finite strain. The message has the first step and the place. \
-         Judged are displacements whose unit is a length, and bodies whose law has a memory.",
+         Judged are displacements whose unit is a length, and bodies whose law has a memory: it reads a state, or what one was.",
         "load u = [1e5,0] on east",
         "load u = [1,0] on east",
     ),
@@ -709,7 +709,8 @@ pages! {
         "At the end of a step points are between two branches within 1e-9 of what they compare: between stick and slip, open \
          and closed, or two points share the largest value of a measure. There a result has one derivative for changes to one \
          side and another one to the other; that of the adjoint is the side of the branch that the law takes (contact, stick). \
-         `wfl verify --gradient` shows both sides by differences of runs. Where parameters move the mesh, so has a region whose \
+         `wfl verify --gradient` shows both sides by differences of runs. Where both sides of a kink stay one number whatever moves, as the jump \
+         does at the tip of a crack, there is none. Where parameters move the mesh, so has a region whose \
          condition takes other cells or faces on the displaced mesh (`x == 2` for the end of a box `to [L,1]`), and the size of \
          cells that are as long as wide.",
         "load u = [at_onset, 0] on east",

@@ -1,6 +1,7 @@
 //! What `wfl check` says of the form of contact: the same in every unit, of every place of an obstacle, and nothing where it
 //! cannot judge. Mistakes beside each right form are told.
 
+use super::run;
 use crate::common::Folder;
 
 /// What is said of the contact of a scene, and the codes of messages about it.
@@ -96,4 +97,62 @@ fn powers_and_bounded_pressures_are_not_called_mistakes() {
     }
     let wrong = said("power-wrong", &block("-min(1e4*pos_part(u.Normal), 1e-3)"), &[]);
     assert!(wrong.contains("[W5"), "{wrong}");
+}
+
+/// A floor whose gap also conducts heat: `[gap]_+` in the equations of the temperature is no law of contact, in whatever order the
+/// terms stand and also where both are one term.
+#[test]
+fn what_conducts_across_a_gap_is_not_taken_for_the_contact() {
+    let scene = |terms: &str| {
+        format!(
+            "wfl 1\nmesh box [0,0] to [1,1] cells [1,1] quad\nregion floor = faces where y == 0\nregion top = faces where y == 1\n\
+             unknown u : vector\nunknown T : scalar\ndef gap = 0.0047 - u.Normal\ndef p = 1e5*pos_part(-gap)\n\
+             term a on all : 1000*Sym(Grad_u):Grad_Test_u\nterm b on all : Grad_T.Grad_Test_T\n{terms}\n\
+             fix u = [0,-0.01*t] on top\nfix T = 1 on top\nsteps t = 0.1 to 1 by 0.1\nmeasure P = integral(p) on floor\n"
+        )
+    };
+    let press = "p*(Test_u.Normal)";
+    for (k, heat) in ["T*Test_T/(pos_part(gap) + 1e-3)", "(1 + 10*pos_part(gap))*T*Test_T"].iter().enumerate() {
+        let first = format!("term f on floor : {press}\nterm g on floor : {heat}");
+        let last = format!("term g on floor : {heat}\nterm f on floor : {press}");
+        let (one, other) =
+            (format!("term f on floor : {press} + {heat}"), format!("term f on floor : {heat} + {press}"));
+        for (l, terms) in [first, last, one, other].iter().enumerate() {
+            let found = said(&format!("conducts-{k}-{l}"), &scene(terms), &[]);
+            assert!(found.contains("penalty: an overlap of pressure/1") && !found.contains("[W5"), "{terms}: {found}");
+            let ran = run(&format!("conducts-{k}-{l}"), &scene(terms), &[]);
+            ran.assert_silent();
+            assert!(ran.last("P") > 1.0, "{terms}: {}", ran.text);
+        }
+    }
+}
+
+/// Two bars that meet within a step, with a conductance of the gap in the term of their contact: that they have met is seen.
+#[test]
+fn bars_that_meet_and_conduct_are_known_to_have_met() {
+    let scene = |heat: &str, way: &str| {
+        format!(
+            "wfl 1\nmesh box [0] to [2] cells 4 segment\nregion L = cells where x < 1\nregion R = cells where x > 1\n\
+             region c = interface from L to R\nregion hot = faces where x == 0\nregion cold = faces where x == 2\n\
+             unknown uL : scalar on L\nunknown uR : scalar on R\nunknown TL : scalar on L\nunknown TR : scalar on R\n\
+             def gap = 5e-3 - (uL - Interpolate(uR, neighbor_element))\ndef p = 1e6*pos_part(-gap)\n\
+             term a on L : 1000*Grad_uL(1)*Grad_Test_uL(1)\nterm b on R : 1000*Grad_uR(1)*Grad_Test_uR(1)\n\
+             term d on L : Grad_TL.Grad_Test_TL\nterm e on R : Grad_TR.Grad_Test_TR\n\
+             term f on c : p*(Test_uL - Interpolate(Test_uR, neighbor_element)) + \
+             {heat}*(TL - Interpolate(TR, neighbor_element))*(Test_TL - Interpolate(Test_TR, neighbor_element))\n\
+             fix uL = {way}*t on hot\nfix uR = 0 on cold\nfix TL = 1 on hot\nfix TR = 0 on cold\nsteps t = 0 to 1 by 0.1\n\
+             measure P = integral(p) on c\n"
+        )
+    };
+    // P = 0.015/(2/1000 + 1e-6)
+    for (k, heat) in ["2e-3/(pos_part(gap) + 1e-3)", "(1 + 10*pos_part(gap))"].iter().enumerate() {
+        let met = run(&format!("bars-{k}"), &scene(heat, "0.02"), &[]);
+        met.assert_silent();
+        assert!((met.last("P") / 7.496_251_8 - 1.0).abs() < 1e-6, "{}", met.text);
+        // a weak bond that holds the open gap is no contact, either
+        let bond = scene(heat, "0.02").replace("def p = ", "def p = -0.1*pos_part(gap) + ");
+        run(&format!("bars-bond-{k}"), &bond, &[]).assert_silent();
+        let apart = run(&format!("bars-apart-{k}"), &scene(heat, "0.004"), &[]);
+        assert!(apart.tells("W646"), "{}", apart.text);
+    }
 }

@@ -260,6 +260,28 @@ fn a_load_beyond_the_limit_load_is_told_with_step_and_place() {
     assert!(!below.tells("W645"), "{}", below.text);
 }
 
+/// A tube without units, elastic and perfectly plastic, whose law reads what its plastic strain was: a return mapping. Its limit
+/// load is 2/sqrt(3) log(2) of the yield stress, and beyond it the law of small strains says nothing.
+#[test]
+fn a_tube_beyond_its_limit_load_is_told_in_any_words_of_its_law() {
+    let text = |strain: &str, around: &str, load: f64| {
+        format!(
+            "wfl 1\nmesh box [1,0] to [2,0.1] cells [20,1] quad\nregion inner = faces where x == 1\nregion outer = faces where x == 2\n\
+             region plates = boundary - inner - outer\nunknown u : vector Q2\n\
+             def eps(v) = {strain}\ndef lam = 1000*0.3/(1.3*0.4)\ndef mu = 1000/2.6\n\
+             def tr = lam*Trace(eps(u))*Id(3) + 2*mu*(eps(u) - Previous_ep)\ndef dg = pos_part(Norm(Deviator(tr)) - sqrt(2/3))/(2*mu)\n\
+             def N = Normalized(Deviator(tr))\nstate ep : matrix(3,3) on all := Previous_ep + dg*N\n\
+             term s on all : {around}*((tr - 2*mu*dg*N):eps(Test_u))\nfix u(2) = 0 on plates\nload u = -{around}*{load}*t*Normal on inner\n\
+             steps t = 0.05 to 1 by 0.05\n"
+        )
+    };
+    let written =
+        "[[Grad_v(1,1),(Grad_v(1,2)+Grad_v(2,1))/2,0],[(Grad_v(1,2)+Grad_v(2,1))/2,Grad_v(2,2),0],[0,0,v(1)/x]]";
+    let beyond = run("mechanics-tube", &text(written, "x", 0.81), &[]);
+    assert!(beyond.marked("W645").starts_with("unknown u"), "{}", beyond.text);
+    assert!(!run("mechanics-tube-below", &text(written, "x", 0.7), &[]).tells("W645"));
+}
+
 #[test]
 fn growth_that_nothing_drives_is_told() {
     let heated = |rate: &str, source: &str| {
@@ -394,6 +416,23 @@ fn a_pressure_that_alternates_is_told_with_the_least_step() {
         let long = column(degree, 0.02);
         assert!(!long.tells("W649"), "{degree}: {}", long.text);
         assert!(long.measure(1, "most") < 1.05);
+    }
+}
+
+/// A pressure about an absolute one of 5e7, with a mobility that grows with what it is above that: the same field as about zero.
+#[test]
+fn a_pressure_that_alternates_about_an_absolute_one_is_told() {
+    for p0 in ["0", "5e7"] {
+        let text = format!(
+            "wfl 1\nparam p0 = {p0}\nmesh box [0,0] to [1,10] cells [1,20] quad\nregion bot = faces where y == 0\n\
+             region top = faces where y == 10\nregion sides = faces where x == 0 or x == 1\nunknown u : vector Q2\n\
+             unknown p : scalar Q1\nstart p = p0\nterm m on all : 8e9*Sym(Grad_u):Grad_Test_u - 0.8*p*Div_Test_u\n\
+             term c on all : (0.8*Div_Dot_u + 1e-11*Dot_p)*Test_p + 1e-17*(1 + 1e-7*(p - p0))*Grad_p.Grad_Test_p\n\
+             load u = [0,-0.8*p0] on top\nfix u(1) = 0 on sides\nfix u(2) = 0 on bot\nload p = 1e-9 on bot\nfix p = p0 on top\n\
+             steps t = 0 to 1e6 by 1e5\nmeasure dp = max(p - p0) on bot\n"
+        );
+        let found = run(&format!("mechanics-absolute-{p0}"), &text, &[]);
+        assert!(found.code == 0 && found.tells("W649"), "{p0}: {}", found.text);
     }
 }
 
