@@ -49,3 +49,31 @@ fn wear_that_begins_from_zero_takes_few_steps() {
         assert!(ran.steps() < 300, "{error}: {} steps", ran.steps());
     }
 }
+
+/// A fault with rate-and-state friction, its slip an unknown that a stiff spring ties to the rock, which begins 10 away from the
+/// origin: what cancels in the tie is no uncertainty of the steps, whatever its stiffness. Against the same at the origin.
+#[test]
+fn a_stiff_tie_far_from_the_origin_excuses_no_error_of_steps() {
+    let rate = |stiffer: &str, origin: &str| {
+        let scene = format!(
+            "param k = 15.625\nparam far = {origin}\nmesh box [0] to [1000] cells [4] segment\nregion fault = faces where x == 0\n\
+             region rim = faces where x == 1000\nunknown u : scalar\nunknown s : scalar on fault\nunknown w : scalar on fault\n\
+             unknown psi : scalar on fault\nstart u = far\nstart s = far\nstart w = log(1e-3)\nstart psi = -0.5 - log(1e-3)\n\
+             def friction = 0.5*asinh(0.5*exp(w + (0.6 + 0.015*psi)/0.01))\n\
+             def steady = 0.5*asinh(0.5e-3*exp((0.6 - 0.015*log(1e-3))/0.01)) + 4.6244e-9\n\
+             term rock on all : 1000*k*Grad_u.Grad_Test_u\nterm tie on fault : {stiffer}*k*(u - s)*(Test_u - Test_s)\n\
+             term balance on fault : (friction + 4.6244e-6*exp(w) - steady)*Test_s\n\
+             term slips on fault : (Dot_s - 1e-6*exp(w))*Test_w\n\
+             term ages on fault : (Dot_psi - (exp(-psi) - exp(w))*1.25e-4)*Test_psi\nfix u = 1e-9*t + far on rim\n\
+             steps t = 0 to 1e8 by auto with first=1e3, error=1e-5\nmeasure rate = max(w) on fault\n"
+        );
+        let ran = run(&format!("auto-tie-{stiffer}-{origin}"), &scene, &[]);
+        assert_eq!(ran.code, 0, "{}", ran.text);
+        ran.last("rate")
+    };
+    let right = rate("1e4", "0");
+    for (stiffer, origin) in [("1e6", "10"), ("1e7", "10"), ("1e8", "100")] {
+        let found = rate(stiffer, origin);
+        assert!((found - right).abs() < 5e-3, "{stiffer} {origin}: {found} for {right}");
+    }
+}
