@@ -328,7 +328,7 @@ mod tests {
                 frozen: false,
             };
             let here = step.measure(u, &norm).unwrap();
-            let back = |dof: &u32| if dof % 2 == 0 { -0.3 } else { 0.0 };
+            let back = |dof: &u32| if dof.is_multiple_of(2) { -0.3 } else { 0.0 };
             let direction: Vec<f64> = step.system.numbering.free_dofs.iter().map(back).collect();
             let search = CriticalPoint { direction: &direction, norm: &norm, is_correction: false, allowed: 1.0 };
             let (from, mut to) = (u.clone(), u.clone());
