@@ -146,7 +146,7 @@ fn one_step(
     factor.solve(&rhs, &mut direction)?;
     let start = u.to_vec();
     let allowed = step.longest_step(&start, &direction, 1.0);
-    let search = CriticalPoint { direction: &direction, norm, is_correction: false, allowed };
+    let search = CriticalPoint { direction: &direction, norm, follows_turns: false, allowed };
     search.descend(step, u, &start, here)
 }
 

@@ -112,8 +112,9 @@ pub(super) fn leaves_much(here: f64, found: &Measured) -> bool {
 pub(super) struct CriticalPoint<'a> {
     pub(super) direction: &'a [f64],
     pub(super) norm: &'a Norm,
-    /// True if the factor at hand gave the direction, as the correction of the residual at its start.
-    pub(super) is_correction: bool,
+    /// True if the factor at hand gave the direction, as the correction of the residual at its start, and forces end at no edges:
+    /// then a law that is steep is followed to where it turns, also where friction hides that the way goes down.
+    pub(super) follows_turns: bool,
     /// How far volumes allow to go, at most 1.
     pub(super) allowed: f64,
 }
@@ -167,7 +168,7 @@ impl CriticalPoint<'_> {
             }
         }
         // friction that turns round within rounding of where slip does: the slope jumps, and what is downhill ends there
-        if turns && low > 0.0 && high <= low * (1.0 + JUMP) {
+        if self.follows_turns && turns && low > 0.0 && high <= low * (1.0 + JUMP) {
             step.go(&base, &motion, low, u);
             let found = step.measure(u, self.norm)?;
             return self.taken(step, u, start, (low, found), forces.as_deref()).map(Some);
@@ -192,7 +193,7 @@ impl CriticalPoint<'_> {
             return Ok(Beginning { base, measure: Slope::Energy, slope });
         }
         let slope = Slope::Energy.of(step, motion, &here.residual)?;
-        if slope >= 0.0 && self.is_correction {
+        if slope >= 0.0 && self.follows_turns {
             let slope = Slope::Correction.of(step, motion, &here.residual)?;
             return Ok(Beginning { base, measure: Slope::Correction, slope });
         }
@@ -276,7 +277,7 @@ mod tests {
             let here = step.measure(u, &norm).unwrap();
             let down = |dof: &u32| if dof % 2 == 1 { direction } else { 0.0 };
             let direction_of: Vec<f64> = step.system.numbering.free_dofs.iter().map(down).collect();
-            let search = CriticalPoint { direction: &direction_of, norm: &norm, is_correction: false, allowed: 1.0 };
+            let search = CriticalPoint { direction: &direction_of, norm: &norm, follows_turns: false, allowed: 1.0 };
             let (from, mut to) = (u.clone(), u.clone());
             let (alpha, _) = search.descend(step, &mut to, &from, &here).unwrap()?;
             let x = start + alpha * direction;
@@ -330,7 +331,7 @@ mod tests {
             let here = step.measure(u, &norm).unwrap();
             let back = |dof: &u32| if dof.is_multiple_of(2) { -0.3 } else { 0.0 };
             let direction: Vec<f64> = step.system.numbering.free_dofs.iter().map(back).collect();
-            let search = CriticalPoint { direction: &direction, norm: &norm, is_correction: false, allowed: 1.0 };
+            let search = CriticalPoint { direction: &direction, norm: &norm, follows_turns: true, allowed: 1.0 };
             let (from, mut to) = (u.clone(), u.clone());
             let (alpha, _) = search.descend(step, &mut to, &from, &here).unwrap().expect("it goes downhill");
             assert!((alpha - 1e-3 / 0.3).abs() < 1e-15, "{alpha}");

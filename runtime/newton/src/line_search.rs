@@ -75,7 +75,8 @@ impl LineSearch<'_> {
         }
         if step.options.search && critical_point::applies(step.system, self.method) {
             let allowed = step.longest_step(&start, self.direction, 1.0);
-            let search = CriticalPoint { direction: self.direction, norm: self.norm, is_correction: true, allowed };
+            let follows_turns = !step.system.has_moving_images();
+            let search = CriticalPoint { direction: self.direction, norm: self.norm, follows_turns, allowed };
             if let Some((alpha, found)) = search.descend(step, u, &start, here)? {
                 return self.damped(step, u, &start, alpha, found);
             }
