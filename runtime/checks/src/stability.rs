@@ -52,10 +52,7 @@ pub fn unstable(
     start: &dyn Fn() -> Option<(System, Vec<f64>)>,
 ) -> Option<Unstable> {
     let Solved { system, u, .. } = state;
-    // `Rate(e)` divides by the increment, and has no slot of its own
-    let is_rate = |slot: &UniformSlot| matches!(slot, UniformSlot::Rate(_) | UniformSlot::TimeStep);
-    let has_rates = system.terms.iter().any(|term| term.law.prologue.slots.iter().any(is_rate));
-    if system.is_linear() || has_rates || !system.team().is_alone() || !solver.is_ours() {
+    if system.is_linear() || has_rates(system) || !system.team().is_alone() || !solver.is_ours() {
         return None;
     }
     let known = solver.is_definite();
@@ -63,16 +60,20 @@ pub fn unstable(
         return None;
     }
     let groups = Groups::of(system);
-    // the sign at hand may be that of the iterate before the last
-    let at_hand = solver.has_negative_determinant().filter(|_| system.has_nonlinear_bodies());
-    let has_turned = at_hand.and_then(|negative| Some(negative != groups.parity(rows.at(&groups, start))?));
     // a factor of the whole that is not Cholesky's has met a tangent that is not positive definite
     let is_doubtful = known == Some(false) || solver.factors_all() && solver.lost_definiteness();
-    let is_suspicious = match has_turned {
-        Some(turned) if !solver.may_be_symmetric() => turned,
-        turned => turned == Some(true) || is_doubtful,
+    let is_due = due && solver.factors_all();
+    let is_symmetric = solver.may_be_symmetric();
+    // what the start says of rows is asked for where nothing else tells; the sign at hand may be that of the iterate before the last
+    let mut has_turned = || {
+        let at_hand = solver.has_negative_determinant().filter(|_| system.has_nonlinear_bodies());
+        at_hand.and_then(|negative| Some(negative != groups.parity(rows.at(&groups, start))?))
     };
-    if !(due && solver.factors_all() || is_suspicious) {
+    let is_suspicious = match is_symmetric {
+        true => is_doubtful || !is_due && has_turned() == Some(true),
+        false => has_turned().unwrap_or(is_doubtful),
+    };
+    if !(is_due || is_suspicious) {
         return None;
     }
     let mut tangent = system.new_tangent();
@@ -81,10 +82,17 @@ pub fn unstable(
         return None;
     }
     let whole = system.whole_matrix(&tangent).ok()?;
+    // nothing is lower than a minimum, however its equations are written
+    let as_written = if is_symmetric { LinearSolver::if_symmetric(whole.clone()).map(Arc::new) } else { None };
+    let as_written = as_written.and_then(|matrix| solver.inertia(&matrix));
+    if as_written.as_ref().is_some_and(|inertia| inertia.negative == 0) {
+        return None;
+    }
     let signs = signs(&whole, &groups, rows.at(&groups, start));
     match symmetric(system, whole, &groups, &signs) {
         Ok(Symmetric { matrix, is_as_written }) => {
-            let inertia = if is_as_written { solver.inertia(&matrix) } else { solver.inertia_beside(&matrix) };
+            let own = || if is_as_written { solver.inertia(&matrix) } else { solver.inertia_beside(&matrix) };
+            let inertia = as_written.filter(|_| is_as_written).or_else(own);
             let (negative, of_forces) = (inertia?.negative, of_forces(system, &matrix));
             let found = if is_as_written && of_forces == 0 { Unstable::Directions } else { Unstable::Beside };
             (negative > of_forces).then(|| found(negative - of_forces))
@@ -95,6 +103,13 @@ pub fn unstable(
         }
         Err(_) => None,
     }
+}
+
+/// True where a term reads a rate or the increment.
+fn has_rates(system: &System) -> bool {
+    // `Rate(e)` divides by the increment, and has no slot of its own
+    let is_rate = |slot: &UniformSlot| matches!(slot, UniformSlot::Rate(_) | UniformSlot::TimeStep);
+    system.terms.iter().any(|term| term.law.prologue.slots.iter().any(is_rate))
 }
 
 /// A tangent as that of an energy, with positive stiffnesses of bodies.
