@@ -241,6 +241,7 @@ mod tests {
     use super::{CriticalPoint, Method, Norm, applies, between, low_enough};
     use crate::{
         Silent,
+        load_step::Began,
         test_block::{Block, CUBIC, LAPLACE, PENALTY},
         tests::Solving,
     };
@@ -270,7 +271,7 @@ mod tests {
             let norm = Norm {
                 weights: vec![1.0],
                 equations: Vec::new(),
-                began: Vec::new(),
+                began: Began::Unknown,
                 scales: Vec::new(),
                 frozen: false,
             };
@@ -324,7 +325,7 @@ mod tests {
             let norm = Norm {
                 weights: vec![1.0],
                 equations: Vec::new(),
-                began: Vec::new(),
+                began: Began::Unknown,
                 scales: Vec::new(),
                 frozen: false,
             };

@@ -5,7 +5,7 @@ use super::{
     inexact::Inexact,
     initial_guess::Predicted,
     line_search::LineSearch,
-    load_step::{Done, HIDDEN, LARGEST_FORCING, Measured, Norm},
+    load_step::{Began, Done, HIDDEN, LARGEST_FORCING, Measured, Norm},
     path_following::Path,
     refinement,
     rest::Rest,
@@ -95,7 +95,8 @@ pub(super) fn iterate(
     step.contact.set_compliant(schedule.method() == Method::Compliance);
     let weights = vec![1.0; step.system.fields.len()];
     let frozen = schedule.freezes();
-    let mut norm = Norm { weights, equations: Vec::new(), began: Vec::new(), scales: Vec::new(), frozen };
+    let began = if step.has_single_equations() { Began::Here } else { Began::Unknown };
+    let mut norm = Norm { weights, equations: Vec::new(), began, scales: Vec::new(), frozen };
     let mut history = StepHistory::default();
     let before = step.system.largest_of_alike(u);
     let here = begin(step, u, predicted, &mut norm, &mut history)?;
@@ -135,12 +136,10 @@ fn begin(
 ) -> Result<Measured, NewtonError> {
     let mut start = step.measure(u, norm);
     // what single equations began with is asked of the state that was there, not of a prediction
-    if step.has_single_equations()
-        && let Ok(here) = &start
-    {
-        norm.began = here.written.values.iter().map(|r| r.abs()).collect();
-        start = step.measure(u, norm);
-    }
+    norm.began = match &start {
+        Ok(here) if step.has_single_equations() => Began::With(here.written.values.clone()),
+        _ => Began::Unknown,
+    };
     if let Ok(here) = &start {
         step.record(history, here, Done { method: Method::Start, step: 1.0, changed: 0, corrections: 0 });
     }

@@ -255,7 +255,7 @@ impl LineSearch<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Silent, test_block::LAPLACE, tests::Solving};
+    use crate::{Silent, load_step::Began, test_block::LAPLACE, tests::Solving};
 
     /// How far a direction is followed by the residual of a linear body, that is `part` times the Newton correction, and
     /// what is left of the residual norm.
@@ -266,7 +266,7 @@ mod tests {
             let norm = Norm {
                 weights: vec![1.0],
                 equations: Vec::new(),
-                began: Vec::new(),
+                began: Began::Unknown,
                 scales: Vec::new(),
                 frozen: false,
             };

@@ -147,6 +147,29 @@ impl Measured {
     }
 }
 
+/// What was left of single equations when a step began.
+#[derive(Clone, Default)]
+pub(super) enum Began {
+    /// Nobody knows, or there are none.
+    #[default]
+    Unknown,
+    /// What the state that is measured leaves: it is the first one.
+    Here,
+    /// This residual by dof.
+    With(Vec<f64>),
+}
+
+impl Began {
+    /// By dof, where `here` is the residual of the state that is measured; empty where nobody knows.
+    fn residual<'r>(&'r self, here: &'r [f64]) -> &'r [f64] {
+        match self {
+            Self::Unknown => &[],
+            Self::Here => here,
+            Self::With(residual) => residual,
+        }
+    }
+}
+
 /// How far a state is measured: the weights of the fields in the norm, and whether branches are frozen.
 #[derive(Clone)]
 pub(super) struct Norm {
@@ -154,8 +177,8 @@ pub(super) struct Norm {
     pub(super) weights: Vec<f64>,
     /// By dof in fields with single equations: one over what cancels in the equation. Empty without such fields.
     pub(super) equations: Vec<f64>,
-    /// By dof in fields with single equations what was left of them at the start of the step; empty where that is not known.
-    pub(super) began: Vec<f64>,
+    /// What was left of single equations when the step began.
+    pub(super) began: Began,
     /// What the factors of `equations` are made of: the scales of these equations, now and in the iterations before.
     pub(super) scales: Vec<f64>,
     /// The residual is that with the frozen active set.
@@ -189,9 +212,10 @@ impl LoadStep<'_> {
         let is_multiplier = |body: usize| {
             body < system.n_bodies() && system.fields[system.field_of_body(body)].kind == FieldKind::Multiplier
         };
-        let mut all = self.body_measures(u, &written, [&sizes, &summands, &norm.began], &scales);
+        let began = norm.began.residual(&written.values);
+        let mut all = self.body_measures(u, &written, [&sizes, &summands, began], &scales);
         if all.is_open_by(is_multiplier, self.options.tolerance) && self.are_nothing(u, &mut scales) {
-            all = self.body_measures(u, &written, [&sizes, &summands, &norm.began], &scales);
+            all = self.body_measures(u, &written, [&sizes, &summands, began], &scales);
         }
         let settled = all.are_settled(is_multiplier, self.options.tolerance);
         let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
@@ -203,7 +227,7 @@ impl LoadStep<'_> {
                 sizes.iter_mut().zip(system.cancelled(u, &written)).for_each(|(size, inside)| *size = size.max(inside));
             }
             if cancels || !positions.is_empty() {
-                all = self.body_measures(u, &written, [&sizes, &summands, &norm.began], &scales);
+                all = self.body_measures(u, &written, [&sizes, &summands, began], &scales);
                 bounded = all.are_settled(is_multiplier, self.options.tolerance);
             }
         }

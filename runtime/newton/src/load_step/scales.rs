@@ -48,7 +48,7 @@ impl LoadStep<'_> {
                 let equation = |d: usize| Equation {
                     residual: written.values[d].abs(),
                     scale: summands[d],
-                    began: began.get(d).copied().unwrap_or(f64::INFINITY),
+                    began: began.get(d).map_or(f64::INFINITY, |began| began.abs()),
                     rounding: rounding * sizes[d],
                 };
                 let equations: Vec<Equation> = system.dofs_of_body(body).filter(is_free).map(equation).collect();
