@@ -14,7 +14,7 @@
 use super::{
     LoadStep, Method, NewtonError, StepHistory,
     critical_point::CriticalPoint,
-    load_step::{Began, Done, Measured, Norm},
+    load_step::{Done, Measured, Norm},
 };
 use wfl_compiler::types::FieldKind;
 use wfl_discrete::system::{FIXED, System};
@@ -106,13 +106,7 @@ fn from_one(
 
 /// Goes downhill to a minimum; false where none was reached.
 fn descend(step: &mut LoadStep<'_>, u: &mut [f64], history: &mut StepHistory) -> Result<bool, NewtonError> {
-    let norm = Norm {
-        weights: step.weights(),
-        equations: Vec::new(),
-        began: Began::Unknown,
-        scales: Vec::new(),
-        frozen: false,
-    };
+    let norm = Norm::new(step.weights(), false);
     let mut here = step.measure(u, &norm)?;
     let mut shift = SMALLEST_SHIFT;
     for _ in 0..step.options.max_iterations {

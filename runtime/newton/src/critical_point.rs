@@ -28,10 +28,10 @@ const OPEN: f64 = 0.1;
 /// Most trials, and the longest way in units of the correction: six doublings, and halvings of a logarithm from there to
 /// corrections that are thousands of times too long (power laws, `docs/newton.md`).
 const MOST_TRIALS: usize = 60;
+const LONGEST: f64 = 64.0;
 /// A slope that changes its sign within this part of a step has a jump there: eight halvings more would reach rounding, and laws
 /// that are steep and smooth (1e10 times as stiff as bodies) are told from it.
 const JUMP: f64 = 1e-13;
-const LONGEST: f64 = 64.0;
 /// Factor by which a step is cut that goes uphill, before one that goes downhill is known: from a correction a thousand times
 /// too long four residuals.
 const UPHILL_CUT: f64 = 1.0 / 8.0;
@@ -59,7 +59,7 @@ enum Slope {
 }
 
 impl Slope {
-    /// It where the residual by dof is this one, in the units of `first` of the same direction.
+    /// It along a direction (by free number) where the residual by dof is this one, in units that the direction gives it.
     fn of(self, step: &mut LoadStep<'_>, motion: &[f64], residual: &[f64]) -> Result<f64, NewtonError> {
         let system = step.system;
         let dofs = &system.numbering.free_dofs;
@@ -241,7 +241,6 @@ mod tests {
     use super::{CriticalPoint, Method, Norm, applies, between, low_enough};
     use crate::{
         Silent,
-        load_step::Began,
         test_block::{Block, CUBIC, LAPLACE, PENALTY},
         tests::Solving,
     };
@@ -268,13 +267,7 @@ mod tests {
         let mut solving = Solving::new(&[CUBIC, "[0,2].Test_u"], &[]);
         solving.u = solving.block.moved([0.0, start], [0.0; 2]);
         solving.with(&mut Silent, |step, u| {
-            let norm = Norm {
-                weights: vec![1.0],
-                equations: Vec::new(),
-                began: Began::Unknown,
-                scales: Vec::new(),
-                frozen: false,
-            };
+            let norm = Norm::new(vec![1.0], false);
             let here = step.measure(u, &norm).unwrap();
             let down = |dof: &u32| if dof % 2 == 1 { direction } else { 0.0 };
             let direction_of: Vec<f64> = step.system.numbering.free_dofs.iter().map(down).collect();
@@ -322,13 +315,7 @@ mod tests {
         let mut solving = Solving::new(&[LAPLACE], &[STEEP]);
         solving.u = solving.block.moved([1e-3, 0.0], [0.0; 2]);
         solving.with(&mut Silent, |step, u| {
-            let norm = Norm {
-                weights: vec![1.0],
-                equations: Vec::new(),
-                began: Began::Unknown,
-                scales: Vec::new(),
-                frozen: false,
-            };
+            let norm = Norm::new(vec![1.0], false);
             let here = step.measure(u, &norm).unwrap();
             let back = |dof: &u32| if dof.is_multiple_of(2) { -0.3 } else { 0.0 };
             let direction: Vec<f64> = step.system.numbering.free_dofs.iter().map(back).collect();

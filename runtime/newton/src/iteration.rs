@@ -94,9 +94,10 @@ pub(super) fn iterate(
     let schedule = Schedule::new(step, u, predicted.map(|predicted| &predicted.state[..]));
     step.contact.set_compliant(schedule.method() == Method::Compliance);
     let weights = vec![1.0; step.system.fields.len()];
-    let frozen = schedule.freezes();
-    let began = if step.has_single_equations() { Began::Here } else { Began::Unknown };
-    let mut norm = Norm { weights, equations: Vec::new(), began, scales: Vec::new(), frozen };
+    let mut norm = Norm::new(weights, schedule.freezes());
+    if step.has_single_equations() {
+        norm.began = Began::Here;
+    }
     let mut history = StepHistory::default();
     let before = step.system.largest_of_alike(u);
     let here = begin(step, u, predicted, &mut norm, &mut history)?;
@@ -189,7 +190,7 @@ impl Attempt<'_> {
             least = Some(least.map_or(self.here.relative, |least: f64| least.min(self.here.relative)));
             match self.correct(step, forcing, inexact) {
                 Ok(followed) => self.advance(step, followed)?,
-                Err(_) if tries => return self.finish(step, Stop::Floor),
+                Err(NewtonError::Solve(SolveError::Singular { .. })) if tries => return self.finish(step, Stop::Floor),
                 Err(error) => left = self.leave(step, error, number)?,
             }
         }
@@ -272,13 +273,19 @@ impl Attempt<'_> {
     /// Why the iteration stops here, by the tangent at hand: also below a bound of what rounds, once that no longer helps.
     fn stops(&self, step: &LoadStep<'_>) -> Option<Stop> {
         let is_rounding = || (self.here.bounded && !self.falls()).then_some(Stop::Floor);
-        // of what cancels inside the law of a single equation nobody knows the rounding: it is left once that no longer falls
-        let is_corrected = || self.history.iterations.last().is_some_and(|last| last.number > 0);
-        let is_small = || (self.here.is_small && is_corrected() && !self.falls()).then_some(Stop::Floor);
+        // of what cancels inside the law of a single equation nobody knows the rounding: it is left once a correction gains nothing
+        let is_small = || (self.here.is_small && self.gained_nothing()).then_some(Stop::Floor);
         let stop = self.here.stop(step.options).or_else(is_rounding).or_else(is_small);
         // without a force the tolerance is one of what cancels: of a body that moves freely more than rounding is left there
         let is_more = self.here.no_force && self.here.relative > self.here.floor;
         stop.filter(|_| !is_more || !self.falls())
+    }
+
+    /// Whether the last iteration left the residual no smaller than it was: a law that is steep is approached in small gains.
+    fn gained_nothing(&self) -> bool {
+        let mut last = self.history.iterations.iter().rev();
+        let is_corrected = last.next().is_some_and(|last| last.number > 0);
+        is_corrected && last.next().is_some_and(|before| self.here.relative >= before.residual)
     }
 
     /// Whether the last iteration made the residual less than half of what it was.
@@ -455,8 +462,11 @@ impl Attempt<'_> {
             if self.here.relative > LARGEST_TOLERANCE
                 && swallowed::lengthen(step.system, self.u, &self.here.residual, &mut self.direction)
             {
-                let hidden = step.hidden(self.u, &self.here)?;
-                doubt(&mut self.lost, hidden, self.u);
+                // with the tangent of this state all may be rounding here; else another part is open, and it is nothing to go back to
+                let here = step.measure(self.u, &self.norm)?;
+                if here.settled {
+                    doubt(&mut self.lost, step.hidden(self.u, &here)?, self.u);
+                }
             }
             let search = LineSearch {
                 direction: &self.direction,

@@ -255,7 +255,7 @@ impl LineSearch<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Silent, load_step::Began, test_block::LAPLACE, tests::Solving};
+    use crate::{Silent, test_block::LAPLACE, tests::Solving};
 
     /// How far a direction is followed by the residual of a linear body, that is `part` times the Newton correction, and
     /// what is left of the residual norm.
@@ -263,13 +263,7 @@ mod tests {
         let mut solving = Solving::new(&[LAPLACE, "[0,2].Test_u"], &[]);
         solving.options.search = search;
         solving.with(&mut Silent, |step, u| {
-            let norm = Norm {
-                weights: vec![1.0],
-                equations: Vec::new(),
-                began: Began::Unknown,
-                scales: Vec::new(),
-                frozen: false,
-            };
+            let norm = Norm::new(vec![1.0], false);
             let here = step.measure(u, &norm).unwrap();
             let down = |dof: &u32| if dof % 2 == 1 { -part } else { 0.0 };
             let direction: Vec<f64> = step.system.numbering.free_dofs.iter().map(down).collect();

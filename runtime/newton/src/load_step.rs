@@ -185,6 +185,13 @@ pub(super) struct Norm {
     pub(super) frozen: bool,
 }
 
+impl Norm {
+    /// With these weights, before anything is known of single equations.
+    pub(super) fn new(weights: Vec<f64>, frozen: bool) -> Self {
+        Self { weights, equations: Vec::new(), began: Began::Unknown, scales: Vec::new(), frozen }
+    }
+}
+
 impl LoadStep<'_> {
     /// The equations as they are written.
     pub(super) fn form(&self) -> Form<'_> {

@@ -69,9 +69,9 @@ impl BodyMeasures {
         }
     }
 
-    /// Adds equations. Each is solved for once the tolerance is left of what cancels in it, and [`OF_BEGINNING`] tolerances of what was
-    /// left of it when the step began: positions far from the origin and pressures of the deep cancel whatever moves, and a load that is small beside
-    /// them is to be balanced all the same.
+    /// Adds equations. Each is solved for once the tolerance is left of what cancels in it, and [`OF_BEGINNING`] tolerances of
+    /// what was left of it when the step began: positions far from the origin and absolute pressures cancel whatever moves, and
+    /// a load that is small beside them is to be balanced all the same.
     pub(crate) fn add_equations(&mut self, body: usize, equations: &[Equation], tolerance: f64) {
         let f = &mut self.bodies[body];
         f.single = true;

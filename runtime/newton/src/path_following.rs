@@ -116,7 +116,6 @@ mod tests {
     use super::*;
     use crate::{
         Silent,
-        load_step::Began,
         test_block::{LAPLACE, PENALTY_WITH_FRICTION},
         tests::Solving,
     };
@@ -125,13 +124,7 @@ mod tests {
     fn follow(cells: &[&str], floor: &str) -> (Vec<f64>, Vec<f64>, bool) {
         let mut solving = Solving::new(cells, &[floor]);
         solving.with(&mut Silent, |step, u| {
-            let norm = Norm {
-                weights: vec![1.0],
-                equations: Vec::new(),
-                began: Began::Unknown,
-                scales: Vec::new(),
-                frozen: true,
-            };
+            let norm = Norm::new(vec![1.0], true);
             step.contact.freeze_as_written(step.system, u);
             let residual = step.system.residual(u, &step.form()).unwrap();
             let mut path = Path::new(&residual.values);

@@ -6,8 +6,8 @@
 
 use wfl_discrete::system::System;
 
-/// Unknowns whose part of the work of the correction is below this share of the largest wait for the others: as small as what a
-/// step may leave of much.
+/// Unknowns whose part of the work of the correction is below this share of the largest wait for the others: a thousandth of the
+/// work is no reason to move what rounds.
 const SHARE: f64 = 1e-3;
 
 /// Makes the corrections of a direction (by free number) at `u` (by dof) that are lost one number long, where the residual by dof

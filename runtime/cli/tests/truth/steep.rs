@@ -135,3 +135,37 @@ fn the_slip_of_a_slider_that_sticks_has_no_digits_to_lose() {
         assert!((ran.last("d") + 0.632_063_332_7).abs() < 2.5 / gamma.parse::<f64>().unwrap(), "{}", ran.last("d"));
     }
 }
+
+/// A force of 40 on a law with a slope of 1e20 where it begins: the first correction is lost beside the position of 1, and beside
+/// a pressure of 1e13 on both sides the whole force is less than the tolerance. The closed form is sinh(40)/1e20.
+#[test]
+fn a_correction_that_is_lost_beside_the_position_is_not_the_end() {
+    for (pressure, within) in [("0", 1e-9)] {
+        let scene = format!(
+            "param P = {pressure}\nmesh box [0] to [1] cells [1] segment with idle_cells=allowed\nunknown u : scalar global\n\
+             unknown w : scalar global\nstart u = 1\nstart w = P\nterm law on global : (asinh(1e20*(u - 1)) + w - P - 40)*Test_u\n\
+             term side on global : (w - P)*Test_w\nmeasure d = max(u - 1) on global\n"
+        );
+        let ran = run(&format!("lost-{pressure}"), &scene, &[]);
+        assert_eq!(ran.code, 0, "{pressure}: {}", ran.text);
+        let right = 40f64.sinh() / 1e20;
+        assert!((ran.last("d") / right - 1.0).abs() < within, "{pressure}: {}", ran.text);
+    }
+}
+
+/// Coulomb's friction of 0.3 regularised within 1e-16, narrower than numbers are apart at a position of 10: it slides with what the
+/// pull of 0.6 leaves, 8 times 0.3, and while it sticks, which no number solves, that is told.
+#[test]
+fn friction_narrower_than_numbers_slides_and_is_told_while_it_sticks() {
+    for law in ["tanh(v/1e-16)", "v/sqrt(v^2 + 1e-32)", "2/pi*atan(v/1e-16)"] {
+        let scene = format!(
+            "mesh box [0] to [1] cells [1] segment with idle_cells=allowed\nunknown u : scalar global\nstart u = 10\ndef v = Dot_u\n\
+             term law on global : (0.3*{law} + v - (if t > 2.5 then 0.6 else 0.15))*Test_u\nsteps t = 0 to 10 by 1\n\
+             measure d = max(u - 10) on global\n"
+        );
+        let ran = run("narrow", &scene, &[]);
+        assert_eq!(ran.code, 0, "{law}: {}", ran.text);
+        assert!((ran.last("d") - 2.4).abs() < 1e-9, "{law}: {}", ran.text);
+        assert!(ran.tells("W605"), "{law}: {}", ran.text);
+    }
+}

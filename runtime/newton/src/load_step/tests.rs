@@ -2,7 +2,7 @@ use super::{scales::roundoff, *};
 use crate::{Silent, test_block::LAPLACE, tests::Solving};
 
 fn norm() -> Norm {
-    Norm { weights: vec![1.0], equations: Vec::new(), began: Began::Unknown, scales: Vec::new(), frozen: false }
+    Norm::new(vec![1.0], false)
 }
 
 fn measured(relative: f64, settled: bool, no_force: bool) -> Measured {
