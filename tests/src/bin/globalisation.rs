@@ -179,7 +179,7 @@ therefore uses the methods below. A method that makes no progress is replaced by
 current state. The exact order, with the budget of each method, is the table in `runtime/newton/src/schedule.rs`; the
 names in parentheses are those of the table and of histories.
 
-1. **Active-set iteration** (`active set`). Each projection t = P(x) of the scene (`pos_part`, `Ball_projection`) is
+1. **Active-set iteration** (`active set`). Each projection t = P(x) of the scene (`pos_part`, `max(0, x)`, `Ball_projection`) is
    replaced by t = P(t + c (x - t)), which is equivalent for every c > 0. The value t is stored at each integration
    point and eliminated there. The factor c is chosen such that c dx/du is the stiffness of the bodies. The choice of
    the active set then does not depend on gamma. A point that slips sticks before it slips in the opposite direction,
