@@ -3,9 +3,7 @@
 //! Newton's method is drawn to every stationary point of the energy, a straight column under three times its buckling load
 //! among them. Where the scene asks for it (`solver newton with perturb=1e-6`), a step that ends in such a state is pushed
 //! along the lowest direction, the eigenvector of `A v = m D v` with the smallest m (A the tangent, D its diagonal), by so
-//! much of the extent of the mesh. From there the energy decreases: each direction is that of `A + s D` with the smallest s of
-//! a list for which that is positive definite (Nocedal and Wright, Numerical Optimization, 2006, 3.4), followed to where the
-//! energy is the least (`critical_point`). Near the minimum s is zero, and the iteration is Newton's.
+//! much of the extent of the mesh. From there the energy decreases (`downhill`).
 //!
 //! Promises: the state that is left behind is an equilibrium with a positive definite tangent, or that which was there. The
 //! side to which it goes is that of the loads where they push to one, and otherwise always the same. Needs a symmetric
@@ -13,21 +11,11 @@
 
 use super::{
     LoadStep, Method, NewtonError, StepHistory,
-    critical_point::CriticalPoint,
-    load_step::{Done, Measured, Norm},
+    downhill::{Downhill, SMALLEST_SHIFT, Shifted},
+    load_step::{Done, Norm},
 };
-use wfl_compiler::types::FieldKind;
-use wfl_discrete::system::{FIXED, System};
-use wfl_linear::LinearSolver;
-use wfl_sparse::{
-    csr::Csr,
-    solve::{CheckedLlt, LinearSolver as _},
-};
+use wfl_sparse::solve::LinearSolver as _;
 
-/// Shifts that are tried, in parts of the diagonal: from rounding of a stiff body by this factor each.
-const SMALLEST_SHIFT: f64 = 1e-14;
-const SHIFT_FACTOR: f64 = 8.0;
-const LARGEST_SHIFT: f64 = 1e3;
 /// Inverse iterations for the lowest direction, and the relative change of its curvature at which they end: what is looked
 /// for is its sign and a direction that leads away, no digits of either.
 const INVERSE_ITERATIONS: usize = 60;
@@ -89,7 +77,7 @@ fn from_one(
     size: f64,
     mut history: StepHistory,
 ) -> Result<Leaving, NewtonError> {
-    let Some(tangent) = Shifted::at(step, u)? else { return Ok(Leaving::Stable(history)) };
+    let Some(tangent) = at_equilibrium(step, u)? else { return Ok(Leaving::Stable(history)) };
     let Some(lowest) = tangent.lowest(step) else { return Ok(Leaving::Stable(history)) };
     let (low, high) = step.system.mesh.bounds();
     let extent = (0..3).fold(0.0f64, |m, d| m.max(high[d] - low[d]));
@@ -108,92 +96,36 @@ fn from_one(
 fn descend(step: &mut LoadStep<'_>, u: &mut [f64], history: &mut StepHistory) -> Result<bool, NewtonError> {
     let norm = Norm::new(step.weights(), false);
     let mut here = step.measure(u, &norm)?;
-    let mut shift = SMALLEST_SHIFT;
+    let mut downhill = Downhill::default();
     for _ in 0..step.options.max_iterations {
         if step.watch.stops() {
             return Err(NewtonError::Stopped);
         }
-        let Some(tangent) = Shifted::at(step, u)? else { return Ok(false) };
-        let Some((mut factor, used)) = tangent.factor(step, shift) else { return Ok(false) };
-        if used == 0.0
+        let Some(tangent) = at_equilibrium(step, u)? else { return Ok(false) };
+        let Some(mut factor) = downhill.factor(step, &tangent) else { return Ok(false) };
+        if factor.is_definite()
             && let Some(stop) = here.stop(step.options)
         {
             history.stop = Some(stop);
             return Ok(true);
         }
-        shift = (used / SHIFT_FACTOR).max(SMALLEST_SHIFT);
-        let Some((alpha, found)) = one_step(step, u, &here, &norm, &mut factor)? else { return Ok(false) };
+        let Some((alpha, found)) = factor.go(step, u, &here, &norm)? else { return Ok(false) };
         here = found;
         step.record(history, &here, Done { method: Method::Branch, step: alpha, changed: 0, corrections: 1 });
     }
     Ok(false)
 }
 
-/// A step along the direction of a factor.
-fn one_step(
-    step: &mut LoadStep<'_>,
-    u: &mut [f64],
-    here: &Measured,
-    norm: &Norm,
-    factor: &mut CheckedLlt,
-) -> Result<Option<(f64, Measured)>, NewtonError> {
-    let mut rhs = Vec::new();
-    step.system.numbering.gather(&here.residual, &mut rhs);
-    rhs.iter_mut().for_each(|r| *r = -*r);
-    let mut direction = vec![0.0; rhs.len()];
-    step.spent.linear_solves += 1;
-    factor.solve(&rhs, &mut direction)?;
-    let start = u.to_vec();
-    let allowed = step.longest_step(&start, &direction, 1.0);
-    let search = CriticalPoint { direction: &direction, norm, follows_turns: false, allowed };
-    search.descend(step, u, &start, here)
-}
-
-/// A symmetric tangent with its diagonal.
-struct Shifted {
-    matrix: Csr,
-    diagonal: Vec<f64>,
+/// The tangent of the equations as written, where a smaller energy is what a body at rest would go to.
+fn at_equilibrium(step: &mut LoadStep<'_>, u: &[f64]) -> Result<Option<Shifted>, NewtonError> {
+    if step.system.rates().is_some() || !Downhill::serves(step) {
+        return Ok(None);
+    }
+    step.assemble_tangent(u, false)?;
+    Ok(Shifted::of(step))
 }
 
 impl Shifted {
-    /// The tangent of the equations as written; `None` where it is not symmetric or not that of displacements alone.
-    fn at(step: &mut LoadStep<'_>, u: &[f64]) -> Result<Option<Self>, NewtonError> {
-        let system = step.system;
-        let excluded = system.fields.iter().any(|f| f.kind == FieldKind::Multiplier) || system.rates().is_some();
-        if excluded || system.is_linear() || !system.team().is_alone() || !step.solver.is_ours() {
-            return Ok(None);
-        }
-        step.assemble_tangent(u, false)?;
-        let Some(matrix) = LinearSolver::symmetric_whole(system, step.tangent) else { return Ok(None) };
-        let diagonal: Vec<f64> = (0..matrix.n_rows()).map(|row| matrix.get(row, row)).collect();
-        if (0..system.fields.len()).any(|field| acts_as_force(system, field, &diagonal)) {
-            return Ok(None);
-        }
-        let diagonal: Vec<f64> = diagonal.into_iter().map(f64::abs).collect();
-        Ok(diagonal.iter().all(|d| *d > 0.0).then_some(Self { matrix, diagonal }))
-    }
-
-    fn with(&self, shift: f64) -> Option<Csr> {
-        let entries: Vec<(u32, u32, f64)> = (0..).zip(&self.diagonal).map(|(k, d)| (k, k, shift * d)).collect();
-        let n = self.diagonal.len();
-        self.matrix.plus(&Csr::from_triplets(n, n, &entries).ok()?).ok()
-    }
-
-    /// The factor with no shift, or with the first from `from` on that makes the tangent positive definite; and the shift.
-    fn factor(&self, step: &LoadStep<'_>, from: f64) -> Option<(CheckedLlt, f64)> {
-        if let Ok(factor) = step.solver.cholesky(&self.matrix) {
-            return Some((factor, 0.0));
-        }
-        let mut shift = from;
-        while shift <= LARGEST_SHIFT {
-            if let Ok(factor) = step.solver.cholesky(&self.with(shift)?) {
-                return Some((factor, shift));
-            }
-            shift *= SHIFT_FACTOR;
-        }
-        None
-    }
-
     fn curvature(&self, v: &[f64]) -> f64 {
         let mut product = vec![0.0; v.len()];
         self.matrix.multiply(v, &mut product, 1);
@@ -227,14 +159,6 @@ impl Shifted {
     }
 }
 
-/// Whether no free unknown of a field has a stiffness of its own: a pressure, whose energy has a maximum where that of the
-/// displacements has a minimum.
-fn acts_as_force(system: &System, field: usize, diagonal: &[f64]) -> bool {
-    let dofs = system.range(field).into_iter().flatten();
-    let mut free = dofs.map(|dof| system.numbering.free[dof]).filter(|free| *free != FIXED).peekable();
-    free.peek().is_some() && free.all(|free| diagonal[free as usize] <= 0.0)
-}
-
 /// Turns a direction to the side that the loads push to; without such a side its first entry of at least half the largest
 /// is positive.
 fn sided(step: &LoadStep<'_>, mut v: Vec<f64>) -> Vec<f64> {
@@ -253,14 +177,7 @@ fn sided(step: &LoadStep<'_>, mut v: Vec<f64>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Silent, test_block::LAPLACE, tests::Solving};
-
-    /// A matrix of 4 unknowns with these eigenvalues in units of its diagonal: pairs (1, 1) and (1, -1) of two each.
-    fn shifted(diagonal: f64, beside: f64) -> Shifted {
-        let pair = |k: u32| [(k, k, diagonal), (k + 1, k + 1, diagonal), (k, k + 1, beside), (k + 1, k, beside)];
-        let matrix = Csr::from_triplets(4, 4, &[pair(0), pair(2)].concat()).unwrap();
-        Shifted { matrix, diagonal: vec![diagonal; 4] }
-    }
+    use crate::{Silent, downhill::tests::shifted, test_block::LAPLACE, tests::Solving};
 
     #[test]
     fn a_curvature_is_that_of_a_direction_in_units_of_the_diagonal() {
@@ -275,15 +192,6 @@ mod tests {
             let tangent = shifted(2.0, 1.0);
             assert_eq!(tangent.factor(step, SMALLEST_SHIFT).map(|(_, shift)| shift), Some(0.0));
             assert_eq!(tangent.lowest(step), None);
-        });
-    }
-
-    #[test]
-    fn the_shift_is_the_first_of_the_list_that_makes_a_tangent_definite() {
-        Solving::new(&[LAPLACE], &[]).with(&mut Silent, |step, _| {
-            // its lowest curvature is -1/2
-            let (_, shift) = shifted(2.0, 3.0).factor(step, SMALLEST_SHIFT).expect("one of them does");
-            assert!((0.5..0.5 * SHIFT_FACTOR).contains(&shift), "{shift}");
         });
     }
 

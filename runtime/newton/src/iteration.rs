@@ -2,6 +2,7 @@
 
 use super::{
     Evaluated, LARGEST_TOLERANCE, LoadStep, Method, NewtonError, StepHistory, Stop,
+    downhill::Downhill,
     inexact::Inexact,
     initial_guess::Predicted,
     line_search::LineSearch,
@@ -39,8 +40,9 @@ struct Attempt<'u> {
     here: Measured,
     norm: Norm,
     schedule: Schedule,
-    /// The path that is followed, in stages that follow one.
+    /// The path that is followed, in stages that follow one, and the way downhill in those that go there.
     path: Option<Path>,
+    downhill: Downhill,
     /// The best state so far, with its relative residual.
     best: (f64, Vec<f64>),
     direction: Vec<f64>,
@@ -102,7 +104,7 @@ pub(super) fn iterate(
     let before = step.system.largest_of_alike(u);
     let here = begin(step, u, predicted, &mut norm, &mut history)?;
     let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
-    let (path, direction) = (None, Vec::new());
+    let (path, downhill, direction) = (None, Downhill::default(), Vec::new());
     let mut attempt = Attempt {
         u,
         start,
@@ -111,6 +113,7 @@ pub(super) fn iterate(
         norm,
         schedule,
         path,
+        downhill,
         best,
         direction,
         history,
@@ -307,6 +310,11 @@ impl Attempt<'_> {
                 return Err(error);
             }
         }
+        if self.history.iterations.last().is_some_and(|last| last.method == Method::Downhill) {
+            // the factor at hand is that of another method's tangent: what is judged of the state is solved with its own
+            step.assemble_tangent(self.u, false)?;
+            step.factor()?;
+        }
         self.history.stop = Some(stop);
         if stop == Stop::Floor && step.options.search && refinement::helps(step, self.u, &self.here) {
             refinement::refine(step, self.u, &self.norm, &mut self.history)?;
@@ -344,7 +352,7 @@ impl Attempt<'_> {
     /// Makes contact ready for another method. A path is begun where one is to be followed.
     fn switch(&mut self, step: &mut LoadStep<'_>) -> Result<(), NewtonError> {
         let method = self.schedule.method();
-        self.path = None;
+        (self.path, self.downhill) = (None, Downhill::default());
         self.norm.frozen = method.freezes();
         if method.is_path() {
             step.contact.set_compliant(false);
@@ -377,6 +385,9 @@ impl Attempt<'_> {
         forcing: f64,
         inexact: Option<Inexact>,
     ) -> Result<Option<(f64, Measured)>, NewtonError> {
+        if self.schedule.method() == Method::Downhill {
+            return self.go_downhill(step).map(Some);
+        }
         let (direction, history) = (&mut self.direction, &mut self.history);
         match (&mut self.path, inexact) {
             (Some(path), _) => path.advance(step, self.u, &self.here, &self.norm, history).map(Some),
@@ -385,6 +396,17 @@ impl Attempt<'_> {
             }
             (None, None) => step.correct(&self.here.residual, forcing, direction, history).map(|()| None),
         }
+    }
+
+    /// A step downhill in the energy; none, and no other, where there is no way.
+    fn go_downhill(&mut self, step: &mut LoadStep<'_>) -> Result<(f64, Measured), NewtonError> {
+        let from = self.u.to_vec();
+        if let Some(taken) = self.downhill.advance(step, self.u, &self.here, &self.norm)? {
+            return Ok(taken);
+        }
+        self.schedule.give_up();
+        self.u.copy_from_slice(&from);
+        Ok((0.0, step.measure(self.u, &self.norm)?))
     }
 
     /// Goes on from the best state with another method after an error of the linear solver, if that may help: at the

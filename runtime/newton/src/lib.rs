@@ -10,6 +10,7 @@
 
 mod branch;
 mod critical_point;
+mod downhill;
 mod error;
 mod history;
 mod homotopy;

@@ -29,6 +29,8 @@ pub enum Method {
     Refinement,
     /// Downhill from an equilibrium that is not stable (`branch`).
     Branch,
+    /// Downhill in the energy, with a tangent that is made positive definite (`downhill`).
+    Downhill,
 }
 
 impl Method {
@@ -49,6 +51,7 @@ impl Method {
             Self::Natural => "natural test",
             Self::Refinement => "refinement",
             Self::Branch => "branch",
+            Self::Downhill => "downhill",
         }
     }
 
@@ -64,7 +67,7 @@ impl Method {
         Self::ALL.get(number).copied()
     }
 
-    const ALL: [Self; 13] = [
+    const ALL: [Self; 14] = [
         Self::Start,
         Self::Predictor,
         Self::ActiveSet,
@@ -78,6 +81,7 @@ impl Method {
         Self::Natural,
         Self::Refinement,
         Self::Branch,
+        Self::Downhill,
     ];
 
     /// True if a piecewise linear path is followed.
@@ -89,7 +93,13 @@ impl Method {
     pub(super) fn freezes(self) -> bool {
         !matches!(
             self,
-            Self::Residual | Self::Natural | Self::Start | Self::Predictor | Self::Refinement | Self::Branch
+            Self::Residual
+                | Self::Natural
+                | Self::Start
+                | Self::Predictor
+                | Self::Refinement
+                | Self::Branch
+                | Self::Downhill
         )
     }
 }

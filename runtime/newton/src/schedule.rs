@@ -7,6 +7,7 @@
 
 use super::{
     NewtonOptions,
+    downhill::Downhill,
     history::{Iteration, StepHistory},
     homotopy::{FRICTION_BUDGET, FRICTION_PARTS, Homotopy},
     load_step::LoadStep,
@@ -30,12 +31,14 @@ enum Trait {
     Friction,
     /// With a frozen active set the problem is affine.
     Affine,
+    /// It goes to where an energy is the least.
+    Energy,
 }
 
 impl Trait {
     /// True if all steps of a scene have it or none.
     fn is_of_the_scene(self) -> bool {
-        matches!(self, Self::Contact | Self::Friction | Self::Affine)
+        matches!(self, Self::Contact | Self::Friction | Self::Affine | Self::Energy)
     }
 
     /// What a step with it is like, and one without; `None` for a trait of the scene.
@@ -44,7 +47,7 @@ impl Trait {
             Self::Warm => Some(("after a converged step", "without a converged step before")),
             Self::Stiff => Some(("stiff contact", "contact not stiff")),
             Self::OverConstrained => Some(("contact binds the stresses", "contact leaves the stresses free")),
-            Self::Contact | Self::Friction | Self::Affine => None,
+            Self::Contact | Self::Friction | Self::Affine | Self::Energy => None,
         }
     }
 }
@@ -100,7 +103,7 @@ const fn stage(
 /// The schedule. `docs/newton.md` has what it does.
 const SCHEDULE: &[Stage] = {
     use Method as M;
-    use Trait::{Affine, Contact, Friction, OverConstrained, Stiff, Warm};
+    use Trait::{Affine, Contact, Energy, Friction, OverConstrained, Stiff, Warm};
     /// Iterations for all parts of friction, and some with friction as it is written: the last part has to converge.
     const ALL_OF_FRICTION: usize = FRICTION_PARTS * FRICTION_BUDGET + 10;
     &[
@@ -127,11 +130,13 @@ const SCHEDULE: &[Stage] = {
         stage(M::Natural, 50, Stall::Never, &[Contact], &[Stiff]),
         stage(M::Residual, PATIENCE, Stall::ShortSteps, &[], &[]),
         stage(M::Natural, 50, Stall::Never, &[Contact, Stiff], &[]),
+        stage(M::Downhill, 50, Stall::Never, &[Energy], &[Contact]),
         stage(M::Natural, 50, Stall::Never, &[], &[Contact]),
         // but where contact binds stresses they do
         stage(M::LessFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction, OverConstrained], &[]),
         stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Friction, OverConstrained, Affine], &[]),
         stage(M::MoreFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction], &[]),
+        stage(M::Downhill, 50, Stall::Never, &[Contact, Energy], &[]),
     ]
 };
 
@@ -213,6 +218,8 @@ impl Schedule {
             step.contact.initialise(step.system, u, predicted);
             traits = traits_of(step.system, step.contact);
             traits.extend(warm.then_some(Trait::Warm));
+        } else if Downhill::suits(step.system) {
+            traits.push(Trait::Energy);
         }
         let mut stages: Vec<Stage> = selected(&traits).collect();
         if !search || step.system.is_linear() {
@@ -350,6 +357,7 @@ fn traits_of(system: &System, contact: &Contact) -> Vec<Trait> {
         (Trait::OverConstrained, contact.is_over_constrained()),
         (Trait::Friction, contact.has_friction()),
         (Trait::Affine, system.is_affine_when_frozen()),
+        (Trait::Energy, Downhill::suits(system)),
     ];
     all.into_iter().filter(|(_, holds)| *holds).map(|(t, _)| t).collect()
 }

@@ -22,7 +22,8 @@ const MOST_SET_ASIDE: usize = 3;
 
 impl LinearSolver {
     /// Whether an iteration solves, of one matrix or of tangents.
-    pub(super) fn iterates(&self) -> bool {
+    #[must_use]
+    pub fn iterates(&self) -> bool {
         self.iterative.as_ref().is_some_and(Iterative::is_at_work)
     }
 

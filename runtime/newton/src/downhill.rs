@@ -1,0 +1,178 @@
+//! Downhill in the energy: where there is one, each step leads to less of it, so that no iterate comes back.
+//!
+//! A softening law (a joint that breaks, a body that buckles) has states at which Newton's direction leads to a saddle or a top
+//! of the energy, and searches for a smaller residual go round between such states for ever. Here each direction is that of
+//! `A + s D` with the smallest s of a list for which that is positive definite (A the tangent, D its diagonal; Nocedal and
+//! Wright, Numerical Optimization, 2006, 3.4), followed to where the energy is the least (`critical_point`). Near a minimum s is
+//! zero, and the iteration is Newton's.
+//!
+//! Promises: directions that go downhill. Needs a symmetric tangent of displacements alone and a factor of it; does nothing where
+//! there is none. Does not say when to begin.
+
+use super::{
+    LoadStep, NewtonError,
+    critical_point::CriticalPoint,
+    load_step::{Measured, Norm},
+};
+use wfl_compiler::types::FieldKind;
+use wfl_discrete::system::{FIXED, System};
+use wfl_linear::LinearSolver;
+use wfl_sparse::{
+    csr::Csr,
+    solve::{CheckedLlt, LinearSolver as _},
+};
+
+/// Shifts that are tried, in parts of the diagonal: from rounding of a stiff body by this factor each.
+pub(super) const SMALLEST_SHIFT: f64 = 1e-14;
+const SHIFT_FACTOR: f64 = 8.0;
+const LARGEST_SHIFT: f64 = 1e3;
+
+/// Where a way downhill is.
+pub(super) struct Downhill {
+    /// The shift that the next indefinite tangent is tried with first.
+    shift: f64,
+}
+
+impl Default for Downhill {
+    fn default() -> Self {
+        Self { shift: SMALLEST_SHIFT }
+    }
+}
+
+impl Downhill {
+    /// Whether the equations of a scene may be those of an energy of displacements.
+    pub(super) fn suits(system: &System) -> bool {
+        let has_multipliers = system.fields.iter().any(|f| f.kind == FieldKind::Multiplier);
+        system.is_symmetric() && !has_multipliers && !system.is_linear() && system.team().is_alone()
+    }
+
+    /// The same, and whether factors of whole tangents are what steps are solved with.
+    pub(super) fn serves(step: &LoadStep<'_>) -> bool {
+        Self::suits(step.system) && step.solver.is_ours() && !step.solver.iterates() && !step.tangent.is_applied()
+    }
+
+    /// The factor of a tangent, with a shift where it is not positive definite; `None` where none of the list makes it so.
+    pub(super) fn factor(&mut self, step: &LoadStep<'_>, tangent: &Shifted) -> Option<Factor> {
+        let (made, used) = tangent.factor(step, self.shift)?;
+        self.shift = (used / SHIFT_FACTOR).max(SMALLEST_SHIFT);
+        Some(Factor { made, used })
+    }
+
+    /// A step from `u`, whose measures are `here`, with the tangent at hand; `None` where there is no way.
+    pub(super) fn advance(
+        &mut self,
+        step: &mut LoadStep<'_>,
+        u: &mut [f64],
+        here: &Measured,
+        norm: &Norm,
+    ) -> Result<Option<(f64, Measured)>, NewtonError> {
+        let tangent = if Self::serves(step) { Shifted::of(step) } else { None };
+        let Some(tangent) = tangent else { return Ok(None) };
+        let Some(mut factor) = self.factor(step, &tangent) else { return Ok(None) };
+        factor.go(step, u, here, norm)
+    }
+}
+
+/// A factor of a tangent, and its shift.
+pub(super) struct Factor {
+    made: CheckedLlt,
+    used: f64,
+}
+
+impl Factor {
+    /// Whether the tangent is positive definite by itself.
+    pub(super) fn is_definite(&self) -> bool {
+        self.used == 0.0
+    }
+
+    /// A step along its direction.
+    pub(super) fn go(
+        &mut self,
+        step: &mut LoadStep<'_>,
+        u: &mut [f64],
+        here: &Measured,
+        norm: &Norm,
+    ) -> Result<Option<(f64, Measured)>, NewtonError> {
+        let mut rhs = Vec::new();
+        step.system.numbering.gather(&here.residual, &mut rhs);
+        rhs.iter_mut().for_each(|r| *r = -*r);
+        let mut direction = vec![0.0; rhs.len()];
+        step.spent.linear_solves += 1;
+        self.made.solve(&rhs, &mut direction)?;
+        let start = u.to_vec();
+        let allowed = step.longest_step(&start, &direction, 1.0);
+        let search = CriticalPoint { direction: &direction, norm, follows_turns: false, allowed };
+        search.descend(step, u, &start, here)
+    }
+}
+
+/// A symmetric tangent with its diagonal, and the size of that.
+pub(super) struct Shifted {
+    pub(super) matrix: Csr,
+    pub(super) diagonal: Vec<f64>,
+}
+
+impl Shifted {
+    /// The tangent at hand; `None` where it is not symmetric or not that of displacements alone.
+    pub(super) fn of(step: &LoadStep<'_>) -> Option<Self> {
+        let system = step.system;
+        let matrix = LinearSolver::symmetric_whole(system, step.tangent)?;
+        let diagonal: Vec<f64> = (0..matrix.n_rows()).map(|row| matrix.get(row, row)).collect();
+        if (0..system.fields.len()).any(|field| acts_as_force(system, field, &diagonal)) {
+            return None;
+        }
+        let diagonal: Vec<f64> = diagonal.into_iter().map(f64::abs).collect();
+        diagonal.iter().all(|d| *d > 0.0).then_some(Self { matrix, diagonal })
+    }
+
+    fn with(&self, shift: f64) -> Option<Csr> {
+        let entries: Vec<(u32, u32, f64)> = (0..).zip(&self.diagonal).map(|(k, d)| (k, k, shift * d)).collect();
+        let n = self.diagonal.len();
+        self.matrix.plus(&Csr::from_triplets(n, n, &entries).ok()?).ok()
+    }
+
+    /// The factor with no shift, or with the first from `from` on that makes the tangent positive definite; and the shift.
+    pub(super) fn factor(&self, step: &LoadStep<'_>, from: f64) -> Option<(CheckedLlt, f64)> {
+        if let Ok(factor) = step.solver.cholesky(&self.matrix) {
+            return Some((factor, 0.0));
+        }
+        let mut shift = from;
+        while shift <= LARGEST_SHIFT {
+            if let Ok(factor) = step.solver.cholesky(&self.with(shift)?) {
+                return Some((factor, shift));
+            }
+            shift *= SHIFT_FACTOR;
+        }
+        None
+    }
+}
+
+/// Whether no free unknown of a field has a stiffness of its own: a pressure, whose energy has a maximum where that of the
+/// displacements has a minimum.
+fn acts_as_force(system: &System, field: usize, diagonal: &[f64]) -> bool {
+    let dofs = system.range(field).into_iter().flatten();
+    let mut free = dofs.map(|dof| system.numbering.free[dof]).filter(|free| *free != FIXED).peekable();
+    free.peek().is_some() && free.all(|free| diagonal[free as usize] <= 0.0)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::{Silent, test_block::LAPLACE, tests::Solving};
+
+    /// A matrix of 4 unknowns with these eigenvalues in units of its diagonal: pairs (1, 1) and (1, -1) of two each.
+    pub fn shifted(diagonal: f64, beside: f64) -> Shifted {
+        let pair = |k: u32| [(k, k, diagonal), (k + 1, k + 1, diagonal), (k, k + 1, beside), (k + 1, k, beside)];
+        let matrix = Csr::from_triplets(4, 4, &[pair(0), pair(2)].concat()).unwrap();
+        Shifted { matrix, diagonal: vec![diagonal; 4] }
+    }
+
+    #[test]
+    fn the_shift_is_the_first_of_the_list_that_makes_a_tangent_definite() {
+        Solving::new(&[LAPLACE], &[]).with(&mut Silent, |step, _| {
+            // its lowest curvature is -1/2
+            let (_, shift) = shifted(2.0, 3.0).factor(step, SMALLEST_SHIFT).expect("one of them does");
+            assert!((0.5..0.5 * SHIFT_FACTOR).contains(&shift), "{shift}");
+        });
+    }
+}
