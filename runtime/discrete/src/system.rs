@@ -310,6 +310,14 @@ impl System {
         self.terms.iter().enumerate().all(|(k, t)| t.law.class <= Class::Linear || affine(k))
     }
 
+    /// True if a term on faces is not affine in the unknowns once its branches are frozen: a joint that softens.
+    #[must_use]
+    pub fn has_curved_faces(&self) -> bool {
+        let frozen = |k: usize| self.frozen.iter().find(|f| f.term == k).map(|f| f.form.law.class);
+        let class = |k: usize| frozen(k).unwrap_or(self.terms[k].law.class);
+        (0..self.terms.len()).any(|k| !self.terms[k].on_cells() && class(k) > Class::Linear)
+    }
+
     /// Brings the laws of all terms to a step; assembles nothing.
     pub fn set_laws(&mut self, window: Window) {
         let window = self.with_present_rates(window);

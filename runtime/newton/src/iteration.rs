@@ -55,6 +55,8 @@ struct Attempt<'u> {
     doubts: usize,
     /// Of the states from which a correction was lost the one that hides least: if nothing better is found it is what there is.
     lost: Option<(f64, Vec<f64>)>,
+    /// Each method has met a singular tangent on its way.
+    ended: bool,
     /// Iterations that held what the first tangent left loose, why it was singular with contact as it was, and what the next one
     /// holds.
     held: usize,
@@ -121,6 +123,7 @@ pub(super) fn iterate(
         doubtful: None,
         doubts: 0,
         lost: None,
+        ended: false,
         held: 0,
         loose: None,
         holds: None,
@@ -163,7 +166,7 @@ impl Attempt<'_> {
     fn run(&mut self, step: &mut LoadStep<'_>) -> Result<(), NewtonError> {
         let (mut room, mut room_of_paths) = (step.options.max_iterations, BUDGET_OF_PATHS);
         let (mut before, mut least, mut left, mut number) = (None, None, false, 0);
-        while room > 0 {
+        while room > 0 && !self.ended {
             number += 1;
             if step.watch.stops() {
                 return Err(NewtonError::Stopped);
@@ -435,11 +438,19 @@ impl Attempt<'_> {
         if singular && let Some(first) = self.loose_at_first(step)? {
             return Err(first);
         }
-        let on_the_way = number > 1 && (singular || self.path.is_some() && error.is_of_the_state());
+        use SolveError::{ResidualTooLarge, VanishingPivot};
+        let is_unsolved =
+            singular || matches!(error, NewtonError::Solve(VanishingPivot { .. } | ResidualTooLarge { .. }));
+        let on_the_way = number > 1 && (is_unsolved || self.path.is_some() && error.is_of_the_state());
         let is_loose = number == 2 && self.not_held.is_some() && singular;
         if is_loose || !on_the_way || !self.schedule.leave_singular() {
             let first = if singular { self.found_loose(step)? } else { None };
-            return Err(first.unwrap_or(error));
+            // a tangent that is singular on the way alone is no fault of the scene: the step has not been solved, and is told as such
+            let is_of_the_way = on_the_way && is_unsolved && first.is_none() && step.contact.is_empty();
+            if !is_of_the_way {
+                return Err(first.unwrap_or(error));
+            }
+            self.ended = true;
         }
         self.u.copy_from_slice(&self.best.1);
         Ok(true)

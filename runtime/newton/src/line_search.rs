@@ -7,6 +7,7 @@ use super::{
     critical_point::{self, CriticalPoint},
     load_step::{LARGEST_FORCING, Measured, Norm},
 };
+use wfl_sparse::solve::SolveError;
 
 /// Halvings of a step before the best one seen is taken: the shortest is a thousandth. With three to five nearly incompressible
 /// bodies fail (`docs/newton.md`).
@@ -144,7 +145,11 @@ impl LineSearch<'_> {
             if !step.options.search || found.stop(step.options).is_some() {
                 return Ok(Some((alpha, found)));
             }
-            let merit = self.merit(step, &found, here, ways.start)?;
+            let merit = match self.merit(step, &found, here, ways.start) {
+                // of a tangent that is all but singular no correction is known: the trial is as bad as any
+                Err(NewtonError::Solve(SolveError::ResidualTooLarge { .. })) => f64::INFINITY,
+                merit => merit?,
+            };
             if merit <= 1.0 - SUFFICIENT * alpha || found.norm <= found.rounding {
                 return Ok(Some((alpha, found)));
             }

@@ -31,7 +31,7 @@ enum Trait {
     Friction,
     /// With a frozen active set the problem is affine.
     Affine,
-    /// It goes to where an energy is the least.
+    /// It goes to where an energy is the least (`downhill`).
     Energy,
 }
 
@@ -63,6 +63,8 @@ enum Stall {
     NoProgress,
     /// At once where most of the last steps are short and the residual does not fall.
     ShortSteps,
+    /// The same, and where steps of any length do not make the residual smaller than it ever was: they may go round.
+    Circling,
 }
 
 /// A line of the schedule.
@@ -120,6 +122,7 @@ const SCHEDULE: &[Stage] = {
         stage(M::Path, 20, Stall::Never, &[Contact, OverConstrained, Warm, Affine], &[]),
         stage(M::Overstress, 40, Stall::Never, &[Contact, OverConstrained, Warm], &[]),
         stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, OverConstrained, Warm], &[]),
+        stage(M::Downhill, 50, Stall::Never, &[Contact, Energy], &[]),
         stage(M::Compliance, 8, Stall::Settled, &[Contact, Stiff], &[]),
         stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, Stiff], &[]),
         stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Affine], &[]),
@@ -128,7 +131,8 @@ const SCHEDULE: &[Stage] = {
         stage(M::LessFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction], &[OverConstrained]),
         stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Friction, Affine], &[OverConstrained]),
         stage(M::Natural, 50, Stall::Never, &[Contact], &[Stiff]),
-        stage(M::Residual, PATIENCE, Stall::ShortSteps, &[], &[]),
+        stage(M::Residual, PATIENCE, Stall::ShortSteps, &[], &[Energy]),
+        stage(M::Residual, PATIENCE, Stall::Circling, &[Energy], &[]),
         stage(M::Natural, 50, Stall::Never, &[Contact, Stiff], &[]),
         stage(M::Downhill, 50, Stall::Never, &[Energy], &[Contact]),
         stage(M::Natural, 50, Stall::Never, &[], &[Contact]),
@@ -136,7 +140,6 @@ const SCHEDULE: &[Stage] = {
         stage(M::LessFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction, OverConstrained], &[]),
         stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Friction, OverConstrained, Affine], &[]),
         stage(M::MoreFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction], &[]),
-        stage(M::Downhill, 50, Stall::Never, &[Contact, Energy], &[]),
     ]
 };
 
@@ -218,7 +221,7 @@ impl Schedule {
             step.contact.initialise(step.system, u, predicted);
             traits = traits_of(step.system, step.contact);
             traits.extend(warm.then_some(Trait::Warm));
-        } else if Downhill::suits(step.system) {
+        } else if Downhill::suits(step.system, step.contact) {
             traits.push(Trait::Energy);
         }
         let mut stages: Vec<Stage> = selected(&traits).collect();
@@ -319,6 +322,7 @@ impl Schedule {
             Stall::Settled => spent || (self.iterations > 1 && self.settled),
             Stall::NoProgress => (spent || self.is_stuck(history)) && !self.progresses(history),
             Stall::ShortSteps => spent && steps_are_short(history),
+            Stall::Circling => spent && (steps_are_short(history) || self.circles(history)),
         }
     }
 
@@ -332,6 +336,11 @@ impl Schedule {
         let own = self.own(history);
         let (before, last) = own.split_at(own.len().saturating_sub(PROGRESS));
         !before.is_empty() && smallest(last) < 0.5 * smallest(before)
+    }
+
+    /// True if the last iterations, as many as count, found no smaller residual than those before.
+    fn circles(&self, history: &StepHistory) -> bool {
+        self.own(history).len() > PROGRESS && !self.progresses(history)
     }
 
     /// True if the last steps were next to nothing or came back to where one was before, and there is a path to go on
@@ -357,7 +366,7 @@ fn traits_of(system: &System, contact: &Contact) -> Vec<Trait> {
         (Trait::OverConstrained, contact.is_over_constrained()),
         (Trait::Friction, contact.has_friction()),
         (Trait::Affine, system.is_affine_when_frozen()),
-        (Trait::Energy, Downhill::suits(system)),
+        (Trait::Energy, Downhill::suits(system, contact)),
     ];
     all.into_iter().filter(|(_, holds)| *holds).map(|(t, _)| t).collect()
 }

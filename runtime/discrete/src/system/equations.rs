@@ -9,6 +9,7 @@ use wfl_compiler::{
 };
 
 use super::{Residual, System};
+use crate::assemble::AssembledTerm;
 use crate::field::FieldSpace;
 use crate::finite::largest;
 
@@ -40,6 +41,15 @@ impl System {
             changes |= !is_affine;
         }
         changes
+    }
+
+    /// True if one term that is not affine is all that the equations of a field consist of: what it gives at nodes is the residual
+    /// itself, and no measure of it.
+    #[must_use]
+    pub fn is_of_one_term(&self, field: usize) -> bool {
+        let tests = |t: &&AssembledTerm| t.law.tests.iter().any(|slot| slot.field.index() == field);
+        let mut terms = self.terms.iter().filter(tests);
+        terms.next().is_some_and(|term| term.law.class >= Class::Nonlinear) && terms.next().is_none()
     }
 
     /// By dof, in the rows of this rank, what the residual `here` at `u` is relative to in fields with single equations: the

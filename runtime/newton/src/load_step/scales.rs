@@ -14,6 +14,9 @@ use crate::{
 /// below any that is meant.
 const UNSTRAINED: f64 = 1e3;
 
+/// A residual of this part of all forces is all of them, but for rounding of sums.
+const ALL: f64 = 0.999;
+
 /// A law is straight within rounding where its residual changes by no less than this part of what its slope foretells: what other
 /// unknowns that move with it take away is less.
 const STRAIGHT: f64 = 0.1;
@@ -173,6 +176,24 @@ impl LoadStep<'_> {
         Ok(parts.fold(0.0, f64::max))
     }
 
+    /// Where one term is all that the equations of a body consist of, and nothing holds it, what the term gives at nodes is the
+    /// residual itself: that is relative to what cancels inside the term then.
+    fn add_what_cancels(&self, scales: &mut [f64], written: &Residual, cancels: &[f64]) {
+        let system = self.system;
+        let alone = |k: &usize| system.is_of_one_term(system.field_of_body(*k));
+        let of_one: Vec<usize> = system.unknown_bodies().filter(alone).collect();
+        if of_one.is_empty() {
+            return;
+        }
+        let mut left = system.largest_of_free_by_body(&written.values);
+        system.team().max(&mut left);
+        for k in of_one {
+            if left[k] >= ALL * scales[k] {
+                scales[k] = largest_of([scales[k], cancels[k]]);
+            }
+        }
+    }
+
     /// By body what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether
     /// some bodies have no force but rounding: then that is relative to what cancels. Where the largest force is so small that rounding hides the
     /// tolerance, it is what is left of larger ones, and these are asked for one by one.
@@ -183,6 +204,7 @@ impl LoadStep<'_> {
         let has_forces = |body: &usize| !system.has_single_equations(system.field_of_body(*body));
         let of_forces: Vec<usize> = system.unknown_bodies().filter(has_forces).collect();
         let (cancels, moved) = (system.largest_of_alike(sizes), system.largest_of_alike(u));
+        self.add_what_cancels(&mut scales, written, &cancels);
         let placed = if positions.is_empty() { vec![0.0; scales.len()] } else { system.largest_of_alike(positions) };
         let extent = system.extent();
         // a stiffness over the extent: of a gradient beside 1 the rounding is that of 1
@@ -210,7 +232,10 @@ impl LoadStep<'_> {
             // the end of the last step: what stores much heat feels no load of 1e-300
             let part = before.as_ref().map_or(0.0, |b| if moved[k] > 0.0 { (b[k] / moved[k]).min(1.0) } else { 0.0 });
             loaded[k] &= scales[k] > rounding * part;
-            if !loaded[k] && scales[k] <= rounding {
+            // what holds a single node of a field takes the rounding of all others
+            #[expect(clippy::cast_precision_loss, reason = "fewer than 2^32 dofs")]
+            let of_all = (system.dofs_of_body(k).count() as f64).sqrt() * rounding;
+            if !loaded[k] && scales[k] <= of_all {
                 (scales[k], no_force) = (cancels[k] + placed[k], true);
             }
         }

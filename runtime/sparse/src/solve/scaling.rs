@@ -37,9 +37,10 @@ const ROUNDS: usize = 5;
 /// Largest entries of rows that are even enough: the threshold of pivots is far from both.
 const EVEN: std::ops::Range<f64> = 0.2..5.0;
 
-/// `s` such that the largest entries of the rows of `S T A S`, T A symmetric, are about 1; `row_factors` are those of T.
+/// `s` such that the largest entries of the rows of `S T A S`, T A symmetric, are about 1, and where that can be those of the
+/// diagonal; `row_factors` are those of T.
 pub(super) fn evened(matrix: &Csr, row_factors: &[f64]) -> Vec<f64> {
-    let mut scale = vec![1.0; matrix.n_rows()];
+    let mut scale = of_stiffness(matrix, row_factors);
     for _ in 0..ROUNDS {
         let largest = |row: usize| {
             let (columns, values) = matrix.row(row);
@@ -54,6 +55,28 @@ pub(super) fn evened(matrix: &Csr, row_factors: &[f64]) -> Vec<f64> {
         scale.iter_mut().zip(sizes).filter(|(_, size)| *size > 0.0).for_each(|(scale, size)| *scale /= size.sqrt());
     }
     scale.into_iter().map(power_of_two).collect()
+}
+
+/// Scales that make the diagonal of `T A` about 1 in the rows of most unknowns, displacements or velocities, and the largest entry
+/// beside these in the rows of others, pressures and multipliers, whose diagonal is zero or has the other sign. Even rows alone leave
+/// a viscosity of 1e-6 that small beside the entries of the pressure: no velocity is a pivot of its own then, and the factor
+/// fills up.
+fn of_stiffness(matrix: &Csr, row_factors: &[f64]) -> Vec<f64> {
+    let n = matrix.n_rows();
+    let diagonal: Vec<f64> = (0..n).map(|row| row_factors[row] * matrix.get(row, row)).collect();
+    let positive = diagonal.iter().filter(|d| **d > 0.0).count();
+    let sign = if positive >= diagonal.iter().filter(|d| **d < 0.0).count() { 1.0 } else { -1.0 };
+    let is_stiff = |row: usize| sign * diagonal[row] > 0.0;
+    let own = |row: usize| 1.0 / diagonal[row].abs().sqrt();
+    let mut scale: Vec<f64> = (0..n).map(|row| if is_stiff(row) { own(row) } else { 0.0 }).collect();
+    for row in (0..n).filter(|row| !is_stiff(*row)) {
+        let (columns, values) = matrix.row(row);
+        let beside = columns.iter().zip(values).filter(|(column, _)| is_stiff(**column as usize));
+        let most = beside.fold(0.0, |most: f64, (column, value)| most.max(value.abs() * scale[*column as usize]));
+        scale[row] = own(row).min(1.0 / (row_factors[row].abs() * most));
+    }
+    scale.iter_mut().filter(|s| !s.is_finite()).for_each(|s| *s = 1.0);
+    scale
 }
 
 /// `(r, c)` such that the largest entries of the columns, and nearly those of the rows, of `R A C` are about 1: rows
