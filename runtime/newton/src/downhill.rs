@@ -6,8 +6,9 @@
 //! Nocedal and Wright, Numerical Optimization, 2006, 3.4), followed to where the energy is the least (`critical_point`). Near a minimum s is
 //! zero, and the iteration is Newton's.
 //!
-//! Promises: directions that go downhill. Needs a symmetric tangent of displacements alone and a factor of it; does nothing where
-//! there is none. Does not say when to begin.
+//! Promises: directions that go downhill in an energy that there is. Of a tangent that is not symmetric (joints that soften and rub)
+//! the symmetric part is what leads, which is a guess that the search along it judges. Needs displacements alone and factors; does
+//! nothing where there are none. Does not say when to begin.
 
 use super::{
     LoadStep, NewtonError,
@@ -15,7 +16,6 @@ use super::{
     load_step::{Measured, Norm},
 };
 use wfl_compiler::types::FieldKind;
-use wfl_contact::Contact;
 use wfl_discrete::system::{FIXED, System};
 use wfl_linear::LinearSolver;
 use wfl_sparse::{
@@ -42,18 +42,26 @@ impl Default for Downhill {
 }
 
 impl Downhill {
-    /// Whether the equations of a scene may be those of an energy of displacements, but for friction in joints that soften: where
-    /// active sets of friction are all that changes, other methods follow it better.
-    pub(super) fn suits(system: &System, contact: &Contact) -> bool {
-        let has_multipliers = system.fields.iter().any(|f| f.kind == FieldKind::Multiplier);
-        let may_be = !has_multipliers && !system.is_linear() && system.team().is_alone();
-        let of_bodies = || system.terms.iter().filter(|t| t.on_cells()).all(|t| t.law.symmetric);
-        may_be && (system.is_symmetric() || contact.has_friction() && system.has_curved_faces() && of_bodies())
+    /// Whether the equations of a scene may be those of an energy of displacements.
+    pub(super) fn suits(system: &System) -> bool {
+        system.is_symmetric() && Self::may_serve(system)
     }
 
-    /// The same, and whether factors of whole tangents are what steps are solved with.
+    /// Whether they are but for laws on faces that are not linear on one branch either: joints that soften, and rub.
+    pub(super) fn nearly_suits(system: &System) -> bool {
+        let mut of_bodies = system.terms.iter().filter(|t| t.on_cells());
+        let rest_is_symmetric = of_bodies.all(|t| t.law.symmetric);
+        !system.is_symmetric() && system.has_curved_faces() && rest_is_symmetric && Self::may_serve(system)
+    }
+
+    fn may_serve(system: &System) -> bool {
+        let has_multipliers = system.fields.iter().any(|f| f.kind == FieldKind::Multiplier);
+        !has_multipliers && !system.is_linear() && system.team().is_alone()
+    }
+
+    /// Whether the fields are those of displacements alone, and factors of whole tangents are what steps are solved with.
     pub(super) fn serves(step: &LoadStep<'_>) -> bool {
-        Self::suits(step.system, step.contact) && step.solver.is_ours() && !step.solver.iterates() && !step.tangent.is_applied()
+        Self::may_serve(step.system) && step.solver.is_ours() && !step.solver.iterates() && !step.tangent.is_applied()
     }
 
     /// The factor of a tangent, with a shift where it is not positive definite; `None` where none of the list makes it so.

@@ -33,12 +33,14 @@ enum Trait {
     Affine,
     /// It goes to where an energy is the least (`downhill`).
     Energy,
+    /// The same but for laws on faces: joints that soften, and rub.
+    NearEnergy,
 }
 
 impl Trait {
     /// True if all steps of a scene have it or none.
     fn is_of_the_scene(self) -> bool {
-        matches!(self, Self::Contact | Self::Friction | Self::Affine | Self::Energy)
+        matches!(self, Self::Contact | Self::Friction | Self::Affine | Self::Energy | Self::NearEnergy)
     }
 
     /// What a step with it is like, and one without; `None` for a trait of the scene.
@@ -47,7 +49,7 @@ impl Trait {
             Self::Warm => Some(("after a converged step", "without a converged step before")),
             Self::Stiff => Some(("stiff contact", "contact not stiff")),
             Self::OverConstrained => Some(("contact binds the stresses", "contact leaves the stresses free")),
-            Self::Contact | Self::Friction | Self::Affine | Self::Energy => None,
+            Self::Contact | Self::Friction | Self::Affine | Self::Energy | Self::NearEnergy => None,
         }
     }
 }
@@ -105,7 +107,7 @@ const fn stage(
 /// The schedule. `docs/newton.md` has what it does.
 const SCHEDULE: &[Stage] = {
     use Method as M;
-    use Trait::{Affine, Contact, Energy, Friction, OverConstrained, Stiff, Warm};
+    use Trait::{Affine, Contact, Energy, Friction, NearEnergy, OverConstrained, Stiff, Warm};
     /// Iterations for all parts of friction, and some with friction as it is written: the last part has to converge.
     const ALL_OF_FRICTION: usize = FRICTION_PARTS * FRICTION_BUDGET + 10;
     &[
@@ -123,6 +125,7 @@ const SCHEDULE: &[Stage] = {
         stage(M::Overstress, 40, Stall::Never, &[Contact, OverConstrained, Warm], &[]),
         stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, OverConstrained, Warm], &[]),
         stage(M::Downhill, 50, Stall::Never, &[Contact, Energy], &[]),
+        stage(M::Downhill, 50, Stall::Never, &[Contact, NearEnergy], &[]),
         stage(M::Compliance, 8, Stall::Settled, &[Contact, Stiff], &[]),
         stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, Stiff], &[]),
         stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Affine], &[]),
@@ -131,11 +134,13 @@ const SCHEDULE: &[Stage] = {
         stage(M::LessFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction], &[OverConstrained]),
         stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Friction, Affine], &[OverConstrained]),
         stage(M::Natural, 50, Stall::Never, &[Contact], &[Stiff]),
-        stage(M::Residual, PATIENCE, Stall::ShortSteps, &[], &[Energy]),
+        stage(M::Residual, PATIENCE, Stall::ShortSteps, &[], &[Energy, NearEnergy]),
         stage(M::Residual, PATIENCE, Stall::Circling, &[Energy], &[]),
+        stage(M::Residual, PATIENCE, Stall::Circling, &[NearEnergy], &[]),
         stage(M::Natural, 50, Stall::Never, &[Contact, Stiff], &[]),
         stage(M::Downhill, 50, Stall::Never, &[Energy], &[Contact]),
         stage(M::Natural, 50, Stall::Never, &[], &[Contact]),
+        stage(M::Downhill, 50, Stall::Never, &[NearEnergy], &[Contact]),
         // but where contact binds stresses they do
         stage(M::LessFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction, OverConstrained], &[]),
         stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Friction, OverConstrained, Affine], &[]),
@@ -221,8 +226,8 @@ impl Schedule {
             step.contact.initialise(step.system, u, predicted);
             traits = traits_of(step.system, step.contact);
             traits.extend(warm.then_some(Trait::Warm));
-        } else if Downhill::suits(step.system, step.contact) {
-            traits.push(Trait::Energy);
+        } else {
+            traits.extend(energy_of(step.system));
         }
         let mut stages: Vec<Stage> = selected(&traits).collect();
         if !search || step.system.is_linear() {
@@ -366,9 +371,16 @@ fn traits_of(system: &System, contact: &Contact) -> Vec<Trait> {
         (Trait::OverConstrained, contact.is_over_constrained()),
         (Trait::Friction, contact.has_friction()),
         (Trait::Affine, system.is_affine_when_frozen()),
-        (Trait::Energy, Downhill::suits(system, contact)),
     ];
-    all.into_iter().filter(|(_, holds)| *holds).map(|(t, _)| t).collect()
+    all.into_iter().filter(|(_, holds)| *holds).map(|(t, _)| t).chain(energy_of(system)).collect()
+}
+
+/// Whether steps go to where an energy is the least.
+fn energy_of(system: &System) -> Option<Trait> {
+    if Downhill::suits(system) {
+        return Some(Trait::Energy);
+    }
+    Downhill::nearly_suits(system).then_some(Trait::NearEnergy)
 }
 
 fn selected(traits: &[Trait]) -> impl Iterator<Item = Stage> + '_ {

@@ -210,6 +210,13 @@ names in parentheses are those of the table and of histories.
 7. **Natural monotonicity test** (`natural test`; Deuflhard). Backtracking on the norm of the simplified Newton
    correction; before method 6 if contact is not stiff.
 8. **Friction continuation from above** (`friction from above`). The friction bound falls from a multiple to its value.
+9. **Downhill in the energy** (`downhill`), where the equations are those of an energy of displacements: symmetric, without
+   multipliers. A joint that softens, or an obstacle with many points in a cell, has states at which Newton's direction leads
+   to a saddle, and searches for a smaller residual go round for ever. Each direction is that of A + s D with the
+   smallest s of a list for which that is positive definite (D: by row the sum of the magnitudes in A), followed to where the
+   energy is the least. Near a minimum s is zero, and the iteration is Newton's. It follows method 1, and method 6 without
+   contact once ten iterations found no smaller residual. Joints that soften and rub are not of an energy by their friction
+   alone: there it is the symmetric part of A that leads.
 
 **Stiffness of the bodies.** It is the mean of their matrix diagonal at the contact nodes. If that is a hundred times
 the stiffness against random forces there, the latter is used: nearly incompressible bodies, or one body that is far
@@ -250,6 +257,10 @@ what cancels in it: the sum of the magnitudes of its summands, `|friction| + |et
 multiplied by 1e30 and the next by 1e-30 without a change of an iteration; the search sees such equations divided by
 their scales. The summands are computed for such fields alone. Where a part of a field is zero, its equations are
 measured by 1e-16 of the largest.
+
+Where one term that is not linear is all that the equations of a field consist of, and nothing holds it, what the term gives at
+nodes is the residual itself: it is relative to |A| |u| then. Of a field without loads a force no larger than rounding of all its
+equations together is none: a node at which a pressure is held takes just that.
 
 **Laws that are steep at rest.** Friction that grows with the logarithm of the slip rate may be 1e30 times as stiff at a
 rate of zero as the bodies, of whose stiffness no digit is left in the tangent then. Where the tangent is singular for

@@ -60,12 +60,15 @@ pub(super) fn evened(matrix: &Csr, row_factors: &[f64]) -> Vec<f64> {
 /// Scales that make the diagonal of `T A` about 1 in the rows of most unknowns, displacements or velocities, and the largest entry
 /// beside these in the rows of others, pressures and multipliers, whose diagonal is zero or has the other sign. Even rows alone leave
 /// a viscosity of 1e-6 that small beside the entries of the pressure: no velocity is a pivot of its own then, and the factor
-/// fills up.
+/// fills up. 1 where there is no such majority: each unknown has another one to be a pivot with.
 fn of_stiffness(matrix: &Csr, row_factors: &[f64]) -> Vec<f64> {
     let n = matrix.n_rows();
     let diagonal: Vec<f64> = (0..n).map(|row| row_factors[row] * matrix.get(row, row)).collect();
-    let positive = diagonal.iter().filter(|d| **d > 0.0).count();
-    let sign = if positive >= diagonal.iter().filter(|d| **d < 0.0).count() { 1.0 } else { -1.0 };
+    let count = |sign: f64| diagonal.iter().filter(|d| sign * **d > 0.0).count();
+    let sign = if count(1.0) >= count(-1.0) { 1.0 } else { -1.0 };
+    if 2 * count(sign) <= n {
+        return vec![1.0; n];
+    }
     let is_stiff = |row: usize| sign * diagonal[row] > 0.0;
     let own = |row: usize| 1.0 / diagonal[row].abs().sqrt();
     let mut scale: Vec<f64> = (0..n).map(|row| if is_stiff(row) { own(row) } else { 0.0 }).collect();

@@ -226,6 +226,30 @@ fn units_do_not_matter() {
     }
 }
 
+/// A viscosity of 1e-9 is another unit of the pressure: the same factor, without a velocity that waits for its pressures.
+#[test]
+fn a_small_viscosity_fills_no_factor() {
+    let (plain, points) = flow(12);
+    let first = points.iter().position(|point| point[0].fract() > 0.0).unwrap();
+    let size = |viscosity: f64| {
+        let part = |i: usize, j: usize| match (i < first, j < first) {
+            (true, true) => viscosity,
+            (false, false) => 1.0 / viscosity,
+            _ => 1.0,
+        };
+        let a = sparse(&DMatrix::from_fn(plain.nrows(), plain.nrows(), |i, j| plain[(i, j)] * part(i, j)));
+        let mut factor = Ldlt::analyze(a.pattern(), Some(&points), None, 1).unwrap();
+        factor.factor(&a).unwrap();
+        let symmetric = factor.symmetric.as_ref().unwrap();
+        let structure = symmetric.fronts.structure(&symmetric.symbolic);
+        (0..structure.n_fronts()).map(|front| structure.operations(front)).sum::<f64>()
+    };
+    let plain_size = size(1.0);
+    for viscosity in [1e3, 1e-3, 1e-6, 1e-9] {
+        assert_eq!(size(viscosity), plain_size, "{viscosity}");
+    }
+}
+
 #[test]
 fn dependent_multipliers_are_named() {
     for copies in [1, 3] {
