@@ -11,7 +11,7 @@
 
 use super::{
     LoadStep, Method, NewtonError, StepHistory,
-    downhill::{Downhill, SMALLEST_SHIFT, Shifted},
+    downhill::{Downhill, Shifted},
     load_step::{Done, Norm},
 };
 use wfl_sparse::solve::LinearSolver as _;
@@ -102,14 +102,14 @@ fn descend(step: &mut LoadStep<'_>, u: &mut [f64], history: &mut StepHistory) ->
             return Err(NewtonError::Stopped);
         }
         let Some(tangent) = at_equilibrium(step, u)? else { return Ok(false) };
-        let Some(mut factor) = downhill.factor(step, &tangent) else { return Ok(false) };
-        if factor.is_definite()
+        let Some(shift) = downhill.factor(step, &tangent) else { return Ok(false) };
+        if shift == 0.0
             && let Some(stop) = here.stop(step.options)
         {
             history.stop = Some(stop);
             return Ok(true);
         }
-        let Some((alpha, found)) = factor.go(step, u, &here, &norm)? else { return Ok(false) };
+        let Some((alpha, found)) = downhill.go(step, u, &here, &norm)? else { return Ok(false) };
         here = found;
         step.record(history, &here, Done { method: Method::Branch, step: alpha, changed: 0, corrections: 1 });
     }
@@ -136,10 +136,11 @@ impl Shifted {
 
     /// The lowest direction, its largest entry 1 or -1; `None` where the tangent is positive definite.
     fn lowest(&self, step: &LoadStep<'_>) -> Option<Vec<f64>> {
-        let (mut factor, shift) = self.factor(step, SMALLEST_SHIFT)?;
-        if shift == 0.0 {
+        let mut made = None;
+        if self.factor(step, 0, &mut made)? < 0 {
             return None;
         }
+        let factor = made.as_mut()?;
         #[expect(clippy::cast_precision_loss, reason = "fixed numbers, orthogonal to nothing in particular")]
         let mut v: Vec<f64> =
             (0..self.sizes.len()).map(|k| ((k + 1) as f64 * 0.618_033_988_749_894_9).fract() - 0.5).collect();
@@ -190,7 +191,7 @@ mod tests {
     fn a_tangent_that_is_positive_definite_is_not_shifted_and_has_no_way_down() {
         Solving::new(&[LAPLACE], &[]).with(&mut Silent, |step, _| {
             let tangent = shifted(2.0, 1.0);
-            assert_eq!(tangent.factor(step, SMALLEST_SHIFT).map(|(_, shift)| shift), Some(0.0));
+            assert_eq!(tangent.factor(step, 0, &mut None), Some(-1));
             assert_eq!(tangent.lowest(step), None);
         });
     }

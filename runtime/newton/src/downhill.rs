@@ -10,6 +10,8 @@
 //! the symmetric part is what leads, which is a guess that the search along it judges. Needs displacements alone and factors; does
 //! nothing where there are none. Does not say when to begin.
 
+use std::time::Instant;
+
 use super::{
     LoadStep, NewtonError,
     critical_point::CriticalPoint,
@@ -23,22 +25,20 @@ use wfl_sparse::{
     solve::{CheckedLlt, LinearSolver as _},
 };
 
-/// Shifts that are tried, in parts of the sums of rows: from rounding of a stiff body by this factor each, to beyond one, where every
-/// symmetric matrix is positive definite (Gershgorin).
+/// Shifts that are tried, in parts of the sums of rows: from rounding of a stiff body by this factor each.
 pub(super) const SMALLEST_SHIFT: f64 = 1e-14;
 const SHIFT_FACTOR: f64 = 8.0;
-const LARGEST_SHIFT: f64 = 10.0;
+
+/// How many shifts there are, a number: the last is beyond one, where every symmetric matrix is positive definite (Gershgorin).
+const N_SHIFTS: i32 = 17;
 
 /// Where a way downhill is.
+#[derive(Default)]
 pub(super) struct Downhill {
-    /// The shift that the next indefinite tangent is tried with first.
-    shift: f64,
-}
-
-impl Default for Downhill {
-    fn default() -> Self {
-        Self { shift: SMALLEST_SHIFT }
-    }
+    /// The number of the shift that the next indefinite tangent is tried with first.
+    first: i32,
+    /// The factor made last; its analysis serves the next one.
+    made: Option<CheckedLlt>,
 }
 
 impl Downhill {
@@ -64,11 +64,13 @@ impl Downhill {
         Self::may_serve(step.system) && step.solver.is_ours() && !step.solver.iterates() && !step.tangent.is_applied()
     }
 
-    /// The factor of a tangent, with a shift where it is not positive definite; `None` where none of the list makes it so.
-    pub(super) fn factor(&mut self, step: &LoadStep<'_>, tangent: &Shifted) -> Option<Factor> {
-        let (made, used) = tangent.factor(step, self.shift)?;
-        self.shift = (used / SHIFT_FACTOR).max(SMALLEST_SHIFT);
-        Some(Factor { made, used })
+    /// Factors a tangent, with a shift where it is not positive definite: the shift, or `None` where none of the list makes it so.
+    pub(super) fn factor(&mut self, step: &mut LoadStep<'_>, tangent: &Shifted) -> Option<f64> {
+        let begin = Instant::now();
+        let number = tangent.factor(step, self.first, &mut self.made);
+        step.spent.factor += begin.elapsed().as_secs_f64();
+        self.first = (number? - 1).max(0);
+        Some(shift(number?))
     }
 
     /// A step from `u`, whose measures are `here`, with the tangent at hand; `None` where there is no way.
@@ -80,25 +82,13 @@ impl Downhill {
         norm: &Norm,
     ) -> Result<Option<(f64, Measured)>, NewtonError> {
         let tangent = if Self::serves(step) { Shifted::part_of(step) } else { None };
-        let Some(tangent) = tangent else { return Ok(None) };
-        let Some(mut factor) = self.factor(step, &tangent) else { return Ok(None) };
-        factor.go(step, u, here, norm)
-    }
-}
-
-/// A factor of a tangent, and its shift.
-pub(super) struct Factor {
-    made: CheckedLlt,
-    used: f64,
-}
-
-impl Factor {
-    /// Whether the tangent is positive definite by itself.
-    pub(super) fn is_definite(&self) -> bool {
-        self.used == 0.0
+        match tangent.and_then(|tangent| self.factor(step, &tangent)) {
+            Some(_) => self.go(step, u, here, norm),
+            None => Ok(None),
+        }
     }
 
-    /// A step along its direction.
+    /// A step along the direction of the factor made last.
     pub(super) fn go(
         &mut self,
         step: &mut LoadStep<'_>,
@@ -106,17 +96,23 @@ impl Factor {
         here: &Measured,
         norm: &Norm,
     ) -> Result<Option<(f64, Measured)>, NewtonError> {
+        let Some(made) = &mut self.made else { return Ok(None) };
         let mut rhs = Vec::new();
         step.system.numbering.gather(&here.residual, &mut rhs);
         rhs.iter_mut().for_each(|r| *r = -*r);
         let mut direction = vec![0.0; rhs.len()];
         step.spent.linear_solves += 1;
-        self.made.solve(&rhs, &mut direction)?;
+        made.solve(&rhs, &mut direction)?;
         let start = u.to_vec();
         let allowed = step.longest_step(&start, &direction, 1.0);
         let search = CriticalPoint { direction: &direction, norm, follows_turns: false, allowed };
         search.descend(step, u, &start, here)
     }
+}
+
+/// The shift with a number, in parts of the sums of rows; -1 is none.
+fn shift(number: i32) -> f64 {
+    if number < 0 { 0.0 } else { SMALLEST_SHIFT * SHIFT_FACTOR.powi(number) }
 }
 
 /// A symmetric tangent, and by row the sum of its magnitudes.
@@ -151,25 +147,41 @@ impl Shifted {
         sizes.iter().all(|d| *d > 0.0).then_some(Self { matrix, sizes })
     }
 
+    /// The matrix with a shift of its diagonal.
     fn with(&self, shift: f64) -> Option<Csr> {
-        let entries: Vec<(u32, u32, f64)> = (0..).zip(&self.sizes).map(|(k, d)| (k, k, shift * d)).collect();
+        let mut matrix = self.matrix.clone();
+        let on_pattern = self.sizes.iter().enumerate().all(|(k, size)| matrix.add_to(k, k, shift * size));
+        if on_pattern {
+            return Some(matrix);
+        }
+        let entries: Vec<(u32, u32, f64)> = (0..).zip(&self.sizes).map(|(k, size)| (k, k, shift * size)).collect();
         let n = self.sizes.len();
         self.matrix.plus(&Csr::from_triplets(n, n, &entries).ok()?).ok()
     }
 
-    /// The factor with no shift, or with the first from `from` on that makes the tangent positive definite; and the shift.
-    pub(super) fn factor(&self, step: &LoadStep<'_>, from: f64) -> Option<(CheckedLlt, f64)> {
-        if let Ok(factor) = step.solver.cholesky(&self.matrix) {
-            return Some((factor, 0.0));
+    /// Leaves in `made` the factor with the first shift that makes the tangent positive definite: its number, that of none being -1.
+    /// Where none does not serve the search begins with the number `first`, which is taken if it serves.
+    pub(super) fn factor(&self, step: &LoadStep<'_>, first: i32, made: &mut Option<CheckedLlt>) -> Option<i32> {
+        let mut serves = |number: i32| {
+            let shifted = if number < 0 { None } else { Some(self.with(shift(number))?) };
+            Some(step.solver.cholesky(shifted.as_ref().unwrap_or(&self.matrix), made).is_ok())
+        };
+        if serves(-1)? {
+            return Some(-1);
         }
-        let mut shift = from;
-        while shift <= LARGEST_SHIFT {
-            if let Ok(factor) = step.solver.cholesky(&self.with(shift)?) {
-                return Some((factor, shift));
+        let (mut low, mut high, mut stride) = (first - 1, first, 1);
+        while !serves(high)? {
+            if high + 1 >= N_SHIFTS {
+                return None;
             }
-            shift *= SHIFT_FACTOR;
+            (low, high, stride) = (high, (high + stride).min(N_SHIFTS - 1), 2 * stride);
         }
-        None
+        let mut last = high;
+        while high - low > 1 {
+            last = i32::midpoint(low, high);
+            (low, high) = if serves(last)? { (low, last) } else { (last, high) };
+        }
+        (last == high || serves(high)?).then_some(high)
     }
 }
 
@@ -197,8 +209,17 @@ pub(super) mod tests {
     fn the_shift_is_the_first_of_the_list_that_makes_a_tangent_definite() {
         Solving::new(&[LAPLACE], &[]).with(&mut Silent, |step, _| {
             // its lowest curvature is -1/5
-            let (_, shift) = shifted(2.0, 3.0).factor(step, SMALLEST_SHIFT).expect("one of them does");
-            assert!((0.2..0.2 * SHIFT_FACTOR).contains(&shift), "{shift}");
+            let mut made = None;
+            for first in [0, 3, N_SHIFTS - 3] {
+                let number = shifted(2.0, 3.0).factor(step, first, &mut made).expect("one of them does");
+                assert!((0.2..0.2 * SHIFT_FACTOR).contains(&shift(number)), "{number}");
+            }
+            assert_eq!(
+                shifted(2.0, 3.0).factor(step, N_SHIFTS - 1, &mut made),
+                Some(N_SHIFTS - 1),
+                "what serves is taken"
+            );
+            assert!(shift(N_SHIFTS - 1) > 1.0);
         });
     }
 }

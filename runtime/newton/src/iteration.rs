@@ -355,7 +355,7 @@ impl Attempt<'_> {
     /// Makes contact ready for another method. A path is begun where one is to be followed.
     fn switch(&mut self, step: &mut LoadStep<'_>) -> Result<(), NewtonError> {
         let method = self.schedule.method();
-        (self.path, self.downhill) = (None, Downhill::default());
+        self.path = None;
         self.norm.frozen = method.freezes();
         if method.is_path() {
             step.contact.set_compliant(false);

@@ -90,14 +90,20 @@ impl LinearSolver {
         symmetrising(whole, Some(groups))
     }
 
-    /// A Cholesky factor of a whole matrix.
+    /// Leaves a Cholesky factor of a whole matrix in `made`; what was analysed for one made before serves again where its pattern has
+    /// the entries of this one.
     ///
     /// # Errors
     /// [`SolveError::NotPositiveDefinite`] and others.
-    pub fn cholesky(&self, matrix: &Csr) -> Result<CheckedLlt, SolveError> {
-        let mut made = CheckedLlt::new(matrix.pattern(), Some(self.coordinates.as_slice()), self.options)?;
-        made.factor(matrix)?;
-        Ok(made)
+    pub fn cholesky(&self, matrix: &Csr, made: &mut Option<CheckedLlt>) -> Result<(), SolveError> {
+        if let Some(before) = made {
+            match before.factor(matrix) {
+                Err(SolveError::Shape { .. } | SolveError::OutsidePattern { .. }) => {}
+                done => return done,
+            }
+        }
+        let new = CheckedLlt::new(matrix.pattern(), Some(self.coordinates.as_slice()), self.options)?;
+        made.insert(new).factor(matrix)
     }
 
     /// The signs of the eigenvalues of a symmetric matrix over the unknowns of this solver; `None` where its factor does not
@@ -107,11 +113,12 @@ impl LinearSolver {
             self.symmetric = self.may_be_symmetric;
             return Some(Inertia { positive: matrix.n_rows(), ..Inertia::default() });
         }
-        match self.cholesky(matrix) {
-            Ok(made) => {
+        let mut made = None;
+        match self.cholesky(matrix, &mut made) {
+            Ok(()) => {
                 if matches!(self.kind, Kind::Full(_)) && self.may_be_symmetric && !self.symmetric {
                     self.symmetric = true;
-                    self.solver = Some(Box::new(made));
+                    self.solver = made.map(|made| Box::new(made) as _);
                 }
                 Some(Inertia { positive: matrix.n_rows(), ..Inertia::default() })
             }
@@ -123,7 +130,7 @@ impl LinearSolver {
     /// As [`Self::inertia`], of a matrix that is not the tangent: what is solved with stays.
     #[must_use]
     pub fn inertia_beside(&self, matrix: &Csr) -> Option<Inertia> {
-        match self.cholesky(matrix) {
+        match self.cholesky(matrix, &mut None) {
             Ok(_) => Some(Inertia { positive: matrix.n_rows(), ..Inertia::default() }),
             Err(SolveError::TooMuchMemory(_)) => None,
             Err(_) => inertia(matrix, Some(self.coordinates.as_slice())).ok(),
