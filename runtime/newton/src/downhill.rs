@@ -54,9 +54,10 @@ impl Downhill {
         !system.is_symmetric() && system.has_curved_faces() && rest_is_symmetric && Self::may_serve(system)
     }
 
+    /// Not where sides meet at other places with each step: forces that end at edges have no energy, and the way to it leads off them.
     fn may_serve(system: &System) -> bool {
         let has_multipliers = system.fields.iter().any(|f| f.kind == FieldKind::Multiplier);
-        !has_multipliers && !system.is_linear() && system.team().is_alone()
+        !has_multipliers && !system.has_moving_images() && !system.is_linear() && system.team().is_alone()
     }
 
     /// Whether the fields are those of displacements alone, and factors of whole tangents are what steps are solved with.

@@ -211,12 +211,13 @@ names in parentheses are those of the table and of histories.
    correction; before method 6 if contact is not stiff.
 8. **Friction continuation from above** (`friction from above`). The friction bound falls from a multiple to its value.
 9. **Downhill in the energy** (`downhill`), where the equations are those of an energy of displacements: symmetric, without
-   multipliers. A joint that softens, or an obstacle with many points in a cell, has states at which Newton's direction leads
-   to a saddle, and searches for a smaller residual go round for ever. Each direction is that of A + s D with the
-   smallest s of a list for which that is positive definite (D: by row the sum of the magnitudes in A), followed to where the
-   energy is the least. Near a minimum s is zero, and the iteration is Newton's. It follows method 1, and method 6 without
-   contact once ten iterations found no smaller residual. Joints that soften and rub are not of an energy by their friction
-   alone: there it is the symmetric part of A that leads.
+   multipliers, between sides that meet where they did before the step. A joint that softens, or an obstacle with many
+   points in a cell, has states at which Newton's direction leads to a saddle, and searches for a smaller residual go
+   round for ever. Each direction is that of A + s D with the smallest s of a list for which that is positive definite
+   (D: by row the sum of the magnitudes in A), followed to where the energy is the least. Near a minimum s is zero, and
+   the iteration is Newton's. It follows method 1, and method 6 without contact once ten iterations found no smaller
+   residual. Joints that soften and rub are not of an energy by their friction alone: there it is the symmetric part of A
+   that leads.
 
 **Stiffness of the bodies.** It is the mean of their matrix diagonal at the contact nodes. If that is a hundred times
 the stiffness against random forces there, the latter is used: nearly incompressible bodies, or one body that is far
