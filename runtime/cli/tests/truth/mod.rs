@@ -7,8 +7,10 @@ use crate::common;
 mod accuracy;
 mod adaptive;
 mod alarms;
+mod axes;
 mod contact_form;
 mod contact_rule;
+mod flows;
 mod friction;
 mod joints;
 mod jumps;
@@ -17,12 +19,14 @@ mod mechanics;
 mod offsets;
 mod open;
 mod power_laws;
+mod prescribed;
 mod row_signs;
 mod singular;
 mod stability;
 mod states;
 mod steep;
 mod units;
+mod walls;
 
 use std::path::Path;
 
