@@ -89,7 +89,8 @@ pub(super) fn lengthening(list: &[ArgumentSlope], fields: &[Field], slopes: &[f6
     out
 }
 
-/// Products with a matrix of a few rows and columns after which its largest singular value is known to some digits.
+/// Products with a matrix of three rows and columns that its largest singular value is sought with: after so many, values that
+/// differ by a tenth are told apart to a thousandth, and closer ones do not matter.
 const PRODUCTS: usize = 30;
 
 /// The largest singular value of a matrix, given by row, column and number; what is not listed is zero.

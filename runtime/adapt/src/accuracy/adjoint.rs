@@ -101,12 +101,13 @@ impl Pair<'_> {
         residual.iter_mut().zip(&fine.numbering.free).filter(|(_, free)| **free == FIXED).for_each(|(r, _)| *r = 0.0);
         fine.numbering.frames.turn_back(&mut residual);
         let (forces, weights) = (gathered(coarse, fine, &residual)?, transfer(fine, coarse, adjoint)?);
-        let products: Vec<f64> = forces.iter().zip(&weights).map(|(r, w)| (r * w).abs()).collect();
+        let products: Vec<f64> = forces.iter().zip(&weights).map(|(r, w)| r * w).collect();
         let mut cells = vec![0.0; parts.len()];
+        // what a rule puts on another node of a cell is no error where the adjoint solution is smooth: the sum of a cell is
         to_cells(coarse, &products, &mut cells);
         let dim = coarse.mesh.dim();
         for (part, whole) in parts.iter_mut().zip(cells) {
-            part.iter_mut().take(dim).for_each(|p| *p = whole / dim as f64);
+            part.iter_mut().take(dim).for_each(|p| *p = whole.abs() / dim as f64);
         }
         Ok(parts)
     }
