@@ -256,11 +256,13 @@ impl Builder<'_> {
         // with both signs: an absolute value is linear on each side
         for sign in [1.0, -1.0] {
             let trial: Vec<f64> = (0..n).map(|c| sign * (TRIAL[c % TRIAL.len()] + (c / TRIAL.len()) as f64)).collect();
-            let whole = self.at_nodes_with(e, field, &[trial.clone()], positions)?;
+            let whole = self.at_nodes_with(e, field, std::slice::from_ref(&trial), positions)?;
             for (k, found) in whole.iter().enumerate() {
                 let parts = || columns.iter().zip(&trial).map(|(column, t)| column[k] * t);
                 let size: f64 = parts().map(f64::abs).sum();
-                if !((found - parts().sum::<f64>()).abs() <= LINEAR * size.max(found.abs())) {
+                let apart = (found - parts().sum::<f64>()).abs();
+                // what is not a number is linear in nothing
+                if apart.is_nan() || apart > LINEAR * size.max(found.abs()) {
                     let name = &self.fields[field].name;
                     let d = Diagnostic::new(Code::E460, format!("this is not linear in `{name}`"));
                     let d = d.help("a sum of forces: a component u(1), a direction u.[0,1], a moment x*u(2) - y*u(1)");

@@ -35,7 +35,7 @@ fn an_overlap_is_a_length_along_any_axis() {
     let law = "param gamma = 300\ndef p = gamma*pos_part(u.Normal)\nterm contact on floor : p*Normal.Test_u\n\
                fix u = -0.01*up on top\nmeasure P = integral(p) on floor\n";
     for dim in [2, 3] {
-        for (angle, tilt) in [(0.0, 0.0), (0.5236, 0.0), (0.7854, 0.0), (0.7854, 0.6155)] {
+        for (angle, tilt) in [(0.0, 0.0), (0.5, 0.0), (0.8, 0.0), (0.8, 0.6155)] {
             let ran = run(&format!("pressed-{dim}-{angle}-{tilt}"), &pressed(dim, angle, tilt, law), &[]);
             assert!(ran.code == 0 && ran.tells("W606"), "{dim} {angle} {tilt}: {}", ran.text);
             let overlap = ran.last("P") / 300.0;
@@ -54,7 +54,7 @@ fn a_slip_is_a_length_along_any_axis() {
                fix u = -0.01*up + 0.008*side on top\nmeasure T = integral(Norm(Pt)) on floor\n";
     for dim in [2, 3] {
         let mut slips = Vec::new();
-        for (angle, tilt) in [(0.0, 0.0), (0.5236, 0.0), (0.7854, 0.0), (0.7854, 0.6155)] {
+        for (angle, tilt) in [(0.0, 0.0), (0.5, 0.0), (0.8, 0.0), (0.8, 0.6155)] {
             let ran = run(&format!("sheared-{dim}-{angle}-{tilt}"), &pressed(dim, angle, tilt, law), &[]);
             assert!(ran.code == 0, "{dim} {angle} {tilt}: {}", ran.text);
             slips.push(number(&ran, "slip of sticking points at `contact`: "));

@@ -23,7 +23,7 @@ fn groove(half: f64, laws: &str) -> String {
 fn a_body_in_a_groove_of_two_walls_has_two_laws_that_are_right() {
     let two = "term c1 on skin : -P1*(Test_u.n1)\nterm c2 on skin : -P2*(Test_u.n2)\n";
     let one = "term c on skin : -P1*(Test_u.n1) - P2*(Test_u.n2)\n";
-    for half in [0.35, 0.7854, 1.2] {
+    for half in [0.35, 0.8, 1.2] {
         for (k, laws) in [two, one].into_iter().enumerate() {
             let ran = run(&format!("groove-{half}-{k}"), &groove(half, laws), &[]);
             assert!(ran.code == 0 && right(&ran), "{half}: {}", ran.text);
@@ -39,7 +39,7 @@ fn a_body_in_a_groove_of_two_walls_has_two_laws_that_are_right() {
     .into_iter()
     .enumerate()
     {
-        let ran = run(&format!("groove-wrong-{k}"), &groove(0.7854, laws), &[]);
+        let ran = run(&format!("groove-wrong-{k}"), &groove(0.8, laws), &[]);
         assert!(!ran.codes().is_empty(), "{}", ran.text);
     }
 }
