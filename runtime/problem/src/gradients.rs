@@ -36,6 +36,16 @@ struct Home {
     set: RegionSet,
 }
 
+/// What is integrated, where and at which state, and what compiles it.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    script: &'a ResolvedScript,
+    backend: &'a dyn KernelBackend,
+    integrand: &'a Expr,
+    over: Over<'a>,
+    at: StateAt<'a>,
+}
+
 /// Where an integrand is taken.
 #[derive(Clone, Copy, Debug)]
 pub enum Over<'a> {
@@ -63,7 +73,7 @@ impl Scene {
         over: Over<'_>,
         at: StateAt<'_>,
     ) -> Result<Vec<f64>, String> {
-        let mut out = self.summed(TermSource::Energy(integrand), (script, backend), integrand, (over, at))?;
+        let mut out = self.summed(TermSource::Energy(integrand), Asked { script, backend, integrand, over, at })?;
         if let Over::Point(_) = over {
             let size = self.integral(script, backend, &one(integrand), (over, at))?;
             out.iter_mut().for_each(|x| *x /= size);
@@ -87,19 +97,15 @@ impl Scene {
         nodal.find_map(|(k, f)| {
             let part = if f.n_components == 1 { LoadPart::Whole } else { LoadPart::Component(0) };
             let source = TermSource::Load { value: &measure.expr, field: FieldId::new(k), part };
-            let loads = self.summed(source, (script, backend), &measure.expr, (Over::Measure(measure), at)).ok()?;
+            let asked = Asked { script, backend, integrand: &measure.expr, over: Over::Measure(measure), at };
+            let loads = self.summed(source, asked).ok()?;
             Some(loads.into_iter().map(|x| -x).collect())
         })
     }
 
     /// By dof what a form made of an expression adds to the equations.
-    fn summed(
-        &self,
-        source: TermSource<'_>,
-        (script, backend): (&ResolvedScript, &dyn KernelBackend),
-        integrand: &Expr,
-        (over, at): (Over<'_>, StateAt<'_>),
-    ) -> Result<Vec<f64>, String> {
+    fn summed(&self, source: TermSource<'_>, asked: Asked<'_>) -> Result<Vec<f64>, String> {
+        let Asked { script, backend, integrand, over, at } = asked;
         let env = self.open_env();
         let mut out = vec![0.0; self.system.numbering.n_dofs];
         for home in self.homes(script, backend, integrand, over)? {

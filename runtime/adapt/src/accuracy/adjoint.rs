@@ -68,7 +68,8 @@ impl Pair<'_> {
         let adjoint = adjoint(rich, &last.state, goal, threads)?;
         let products = self.products(&embedded, &adjoint)?;
         let mut parts = by_cell(rich, &products, &adjoint);
-        for (all, more) in parts.iter_mut().zip(self.of_data((quantity, backend), &embedded, &adjoint)?) {
+        let own = self.of_rule(quantity, &embedded, backend);
+        for (all, more) in parts.iter_mut().zip(self.of_data(own.as_deref(), &embedded, &adjoint)?) {
             (0..3).for_each(|d| all[d] += more[d]);
         }
         let size = parts.iter().flatten().sum::<f64>() * self.scale(quantity);
@@ -91,13 +92,8 @@ impl Pair<'_> {
 
     /// The same for the residual in the coarser space itself, which is zero but for rules: those of the richer run see
     /// more of loads and coefficients. In equal parts to all directions of a cell. What the finer rule makes of an integral
-    /// itself belongs to it: a force of contact is an integral of what stands in the equations, and both changes cancel.
-    fn of_data(
-        &self,
-        (quantity, backend): (&str, &dyn KernelBackend),
-        embedded: &[f64],
-        adjoint: &[f64],
-    ) -> Result<Vec<[f64; 3]>, String> {
+    /// itself, `own`, belongs to it: a force of contact is an integral of what stands in the equations, and both changes cancel.
+    fn of_data(&self, own: Option<&[f64]>, embedded: &[f64], adjoint: &[f64]) -> Result<Vec<[f64; 3]>, String> {
         let [coarse, fine] = [&self.coarse.outcome.equations.system, &self.rich.outcome.equations.system];
         let mut parts = vec![[0.0; 3]; coarse.mesh.n_cells()];
         if fine.numbering.has_ties() {
@@ -108,8 +104,8 @@ impl Pair<'_> {
         fine.numbering.frames.turn_back(&mut residual);
         let (forces, weights) = (gathered(coarse, fine, &residual)?, transfer(fine, coarse, adjoint)?);
         let mut products: Vec<f64> = forces.iter().zip(&weights).map(|(r, w)| -r * w).collect();
-        match self.of_rule(quantity, embedded, backend) {
-            Some(own) => add_at_nodes(coarse, &own, &mut products),
+        match own {
+            Some(own) => add_at_nodes(coarse, own, &mut products),
             None => products.iter_mut().for_each(|product| *product = product.abs()),
         }
         let mut cells = vec![0.0; parts.len()];
