@@ -188,6 +188,8 @@ struct Tried {
     finite: (f64, f64),
     /// By what it is not one law for each component.
     split: f64,
+    /// The same of what the gradient adds to the stress at rest.
+    change: f64,
 }
 
 /// What was found at a cell.
@@ -246,8 +248,8 @@ impl Body<'_> {
             return None;
         }
         let at = stiffness(self.system, self.field, terms, cell, self.values)?;
-        let linear = terms.iter().all(|t| t.law.class <= Class::Linear);
-        let found = if linear { self.linear(&at.matrix, cell) } else { self.nonlinear(cell) };
+        let linear = terms.iter().all(|t| t.law.class <= Class::Linear) || self.is_straight(cell);
+        let found = if linear { self.linear(&at.matrix, cell) } else { self.nonlinear(cell, &at.matrix) };
         let (what, share, is_split) = found?;
         Some(Found { what, share, position: at.position, is_split, terms: at.terms })
     }
@@ -278,25 +280,46 @@ impl Body<'_> {
         Some((what, share, self.may_be_no_body(stiffness, cell)))
     }
 
-    /// Of a law that is not.
-    fn nonlinear(&self, cell: CellId) -> Option<(Turning, f64, bool)> {
-        let dim = self.system.mesh.dim();
-        let still = self.fluxes(cell, &[deformation(dim, 1.0)], 0.0)?;
-        let size = norm(&still[0]);
-        // pressures and the like take the size of the stress, so that what they multiply is seen
-        [0.0, 0.1, size]
-            .iter()
-            .filter_map(|others| self.nonlinear_with(cell, *others))
-            .max_by(|a, b| a.1.total_cmp(&b.1))
+    /// Whether the stress is a straight line of the gradient, though terms are none of the field: the convection of a flow.
+    fn is_straight(&self, cell: CellId) -> bool {
+        let (h, zero) = (deformation(self.system.mesh.dim(), 1.0), [[0.0; 3]; 3]);
+        let asked = [zero, h, sum(&zero, &h, -1.0), sum(&h, &h, 1.0)];
+        let others = self.others(cell);
+        others.is_some_and(|others| {
+            others.into_iter().all(|others| {
+                let Some(fluxes) = self.fluxes(cell, &asked, others) else { return false };
+                let [rest, ahead, behind, far] = [0, 1, 2, 3].map(|k| &fluxes[k]);
+                let bend = |a: &Gradient, b: &Gradient, middle: &Gradient| norm(&sum(&sum(a, b, 1.0), middle, -2.0));
+                let size = ROUNDING * norm(ahead).max(norm(rest));
+                bend(ahead, behind, rest) <= size && bend(far, rest, ahead) <= size
+            })
+        })
     }
 
+    /// Values of other unknowns that are tried: pressures and the like take the size of the stress, too, so that what they
+    /// multiply is seen.
+    fn others(&self, cell: CellId) -> Option<[f64; 3]> {
+        let still = self.fluxes(cell, &[deformation(self.system.mesh.dim(), 1.0)], 0.0)?;
+        Some([0.0, 0.1, norm(&still[0])])
+    }
+
+    /// Of a law that is not.
+    fn nonlinear(&self, cell: CellId, stiffness: &DMatrix<f64>) -> Option<(Turning, f64, bool)> {
+        let found = self.others(cell)?.into_iter().filter_map(|others| self.nonlinear_with(cell, others));
+        let (what, share, is_split) = found.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        // a viscosity that follows the rate, beside the pressure of an incompressible flow
+        let is_flow = is_split && self.incompressible(cell, stiffness[(0, 0)]) == Some(true);
+        Some((what, share, is_flow))
+    }
+
+    /// What is wrong, by how much, and whether the stress without that at rest is one law for each component.
     fn nonlinear_with(&self, cell: CellId, others: f64) -> Option<(Turning, f64, bool)> {
-        let Tried { scale, small, finite, split } = self.tried(cell, others)?;
+        let Tried { scale, small, finite, split, change } = self.tried(cell, others)?;
         let of = |pair: (f64, f64)| pair.0.max(pair.1);
         let share = of(small).min(of(finite));
         let told = share > MEANT * scale && split > ROUNDING;
         let what = if of(finite) <= of(small) && finite.0 <= ROUNDING { Turning::Moments } else { Turning::Finite };
-        told.then_some((what, share, false))
+        told.then_some((what, share, change <= ROUNDING))
     }
 
     /// The law tried with rotations; `None` where it has no finite stress.
@@ -307,19 +330,22 @@ impl Body<'_> {
             let f = sum(&h, &identity(dim), 1.0);
             let (w, r) = (spin(dim, scale), rotation(dim));
             let turned = sum(&product(&r, &f), &identity(dim), -1.0);
-            let asked = [h, sum(&h, &w, 1.0), turned, product(&r, &h)];
+            let asked = [h, sum(&h, &w, 1.0), turned, product(&r, &h), [[0.0; 3]; 3]];
             let fluxes = self.fluxes(cell, &asked, others)?;
-            let [stress, spun, of_turned, of_mixed] = fluxes.as_slice() else { return None };
+            let [stress, spun, of_turned, of_mixed, rest] = fluxes.as_slice() else { return None };
             let size = norm(stress);
             let all = fluxes.iter().flatten().flatten().all(|x| x.is_finite());
             let kirchhoff = product(stress, &transposed(&f));
             let skew = |p: &Gradient| norm(&sum(p, &transposed(p), -1.0)) / size;
             let with = product(&r, stress);
+            let without = |p: &Gradient| sum(p, rest, -1.0);
+            let change = sum(&without(of_mixed), &product(&r, &without(stress)), -1.0);
             (all && size > 0.0).then(|| Tried {
                 scale,
                 small: (norm(&sum(spun, stress, -1.0)) / size, skew(stress)),
                 finite: (norm(&sum(of_turned, &with, -1.0)) / size, skew(&kirchhoff)),
                 split: norm(&sum(of_mixed, &with, -1.0)) / size,
+                change: norm(&change) / size,
             })
         })
     }

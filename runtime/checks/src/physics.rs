@@ -456,7 +456,7 @@ fn scrambled(system: &System, u: &[f64]) -> Vec<f64> {
 pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
     let system = state.system;
     let displacements = displacement_groups(system).concat();
-    let mut by_body = system.largest_of_alike(state.u);
+    let mut by_body = system.largest_of_alike(&system.lengths(state.u));
     (0..by_body.len())
         .filter(|body| !displacements.contains(&system.field_of_body(*body)))
         .for_each(|body| by_body[body] = 0.0);

@@ -3,9 +3,9 @@
 //! The argument of a contact projection is `gamma g - s`: a gap times a stiffness, and the traction of a method that
 //! has one (the stress of Nitsche's, the multiplier of an augmentation). With gradients and multipliers set to zero the
 //! first part remains, and gamma is its slope in the displacement. So penetration, motion at points that stick and
-//! tractions outside the cone are known without knowing the method. Lengths are exact for normals along an axis, and
-//! too large by at most the root of the dimension otherwise, because the slope is that of one component. A second look
-//! (`careful.rs`) sees laws that this is not true of.
+//! tractions outside the cone are known without knowing the method. The slope is that of the length of the argument along the
+//! displacement that changes it most, so that lengths do not depend on the axes. A second look (`careful.rs`) sees laws that
+//! this is not true of.
 
 use std::{cell::OnceCell, collections::BTreeMap};
 
@@ -316,7 +316,7 @@ pub fn contact_gaps<'a>(
 impl ContactTerm {
     /// The violations at a state whose largest displacement is `moved`; `values` has the branches of the law as written.
     fn gaps(&self, system: &System, values: FieldValues<'_>, moved: f64, careful: Option<&Careful>) -> ContactGaps {
-        let largest = self.largest_slopes(system, values);
+        let largest = self.stiffnesses(system, values);
         let fluxes = self.own_fluxes(system, values, careful);
         let motions = self.motions(system);
         let gap_motions = self.gap_motions(&motions);

@@ -4,7 +4,7 @@ use wfl_compiler::ir::LANES;
 
 use super::{
     Complementarity, ContactTerm, flexibility,
-    slopes::is_displacement,
+    slopes::{is_displacement, lengthening},
     term::{STIFF, Scaling},
 };
 use wfl_discrete::assemble::{Bound, FieldValues, Workspace};
@@ -111,6 +111,24 @@ impl ContactTerm {
             .filter(|(_, s)| is_displacement(&system.fields, &s.slot))
             .map(|(at, s)| (at, s.projection))
             .collect();
+        self.median_slopes(system, values, |slopes| {
+            let mut largest = vec![0.0f64; self.projections.len()];
+            for (at, projection) in &moving {
+                largest[*projection] = largest[*projection].max(slopes[*at].abs());
+            }
+            largest
+        })
+    }
+
+    /// By projection how much longer its argument becomes by a displacement of length one, median of some points of all
+    /// ranks: what makes a length of it, whatever the axes are.
+    pub(super) fn stiffnesses(&self, system: &System, values: FieldValues<'_>) -> Vec<f64> {
+        let n = self.projections.len();
+        self.median_slopes(system, values, |slopes| lengthening(self.slopes.list(), &system.fields, slopes, n))
+    }
+
+    /// By projection the median among some points of all ranks of what `sizes` makes of the derivatives there.
+    fn median_slopes(&self, system: &System, values: FieldValues<'_>, sizes: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
         let mut found: Vec<Vec<f64>> = vec![Vec::new(); self.projections.len()];
         let sampled = self.sampled.at(&system.mesh, values.current);
         let bound = Bound { mesh: &system.mesh, domain: &sampled.domain, binding: &sampled.binding };
@@ -130,11 +148,7 @@ impl ContactTerm {
                         is_ready = true;
                     }
                     let slopes = self.slopes.at_point(&self.point_inputs(&workspace, q, entity % LANES));
-                    let mut largest = vec![0.0f64; self.projections.len()];
-                    for (at, projection) in &moving {
-                        largest[*projection] = largest[*projection].max(slopes[*at].abs());
-                    }
-                    found.iter_mut().zip(largest).for_each(|(list, x)| list.push(x));
+                    found.iter_mut().zip(sizes(&slopes)).for_each(|(list, x)| list.push(x));
                 }
             }
         }

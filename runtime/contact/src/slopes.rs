@@ -67,6 +67,57 @@ impl ArgumentSlopes {
     }
 }
 
+/// How much longer the argument of each of `n` projections becomes by a displacement of length one, the most among the sides
+/// and fields that it depends on. Of derivatives by components, which follow the axes, this is the largest singular value.
+pub(super) fn lengthening(list: &[ArgumentSlope], fields: &[Field], slopes: &[f64], n: usize) -> Vec<f64> {
+    let mut out = vec![0.0f64; n];
+    let of_motion = |s: &ArgumentSlope| (s.projection, s.slot.field, s.slot.side);
+    let moving: Vec<(usize, &ArgumentSlope)> =
+        list.iter().enumerate().filter(|(_, s)| is_displacement(fields, &s.slot)).collect();
+    let mut seen = Vec::new();
+    for (_, first) in &moving {
+        let motion = of_motion(first);
+        if seen.contains(&motion) {
+            continue;
+        }
+        seen.push(motion);
+        let own = moving.iter().filter(|(_, s)| of_motion(s) == motion);
+        let entries: Vec<([usize; 2], f64)> =
+            own.map(|(at, s)| ([s.entry, usize::from(s.slot.entry)], slopes[*at])).collect();
+        out[motion.0] = out[motion.0].max(singular_value(&entries));
+    }
+    out
+}
+
+/// Products with a matrix of three rows and columns that its largest singular value is sought with: after so many, values that
+/// differ by a tenth are told apart to a thousandth, and closer ones do not matter.
+const PRODUCTS: usize = 30;
+
+/// The largest singular value of a matrix, given by row, column and number; what is not listed is zero.
+fn singular_value(entries: &[([usize; 2], f64)]) -> f64 {
+    let n = entries.iter().flat_map(|(at, _)| at).max().map_or(0, |most| most + 1);
+    let product = |v: &[f64], [row, column]: [usize; 2]| {
+        let mut out = vec![0.0; n];
+        entries.iter().for_each(|(at, value)| out[at[row]] += value * v[at[column]]);
+        out
+    };
+    let length = |v: &[f64]| v.iter().fold(0.0f64, |m, x| m.hypot(*x));
+    let from_axis = |axis: usize| {
+        let mut v: Vec<f64> = (0..n).map(|k| f64::from(u8::from(k == axis))).collect();
+        for _ in 0..PRODUCTS {
+            let next = product(&product(&v, [0, 1]), [1, 0]);
+            let size = length(&next);
+            if size == 0.0 || !size.is_finite() {
+                break;
+            }
+            v = next.iter().map(|x| x / size).collect();
+        }
+        length(&product(&v, [0, 1]))
+    };
+    // no singular vector is at right angles to all axes
+    (0..n).map(from_axis).fold(0.0, f64::max)
+}
+
 /// True for a component of a displacement.
 pub(super) fn is_displacement(fields: &[Field], slot: &BasisSlot) -> bool {
     // branches are numbered behind the fields
@@ -80,5 +131,23 @@ pub(super) fn is_traction(fields: &[Field], slot: &InputSlot) -> bool {
             b.op != FieldOp::Value || fields[b.field.index()].kind == FieldKind::Multiplier
         }
         _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_singular_value_does_not_depend_on_the_axes() {
+        for angle in [0.0f64, 0.3, 0.5 * std::f64::consts::FRAC_PI_2, 1.5] {
+            let (s, c) = angle.sin_cos();
+            // a gap along a normal, and the projection along a face
+            let normal = singular_value(&[([0, 0], 3.0 * c), ([0, 1], 3.0 * s)]);
+            let along = singular_value(&[([0, 0], s * s), ([0, 1], -s * c), ([1, 0], -s * c), ([1, 1], c * c)]);
+            assert!((normal - 3.0).abs() < 1e-12 && (along - 1.0).abs() < 1e-12, "{angle}: {normal} {along}");
+        }
+        assert!((singular_value(&[([0, 0], 1.0), ([1, 1], 0.9), ([2, 1], 0.9)]) - 0.9 * 2f64.sqrt()).abs() < 1e-9);
+        assert_eq!(singular_value(&[]), 0.0);
     }
 }

@@ -248,7 +248,7 @@ impl Builder<'_> {
     }
 
     /// A few points of the cells, faces or nodes of regions; the same on all ranks.
-    fn points(&self, places: &[&str]) -> Vec<[f64; 3]> {
+    pub(super) fn points(&self, places: &[&str]) -> Vec<[f64; 3]> {
         let mut own: Vec<f64> = Vec::new();
         for set in places.iter().filter_map(|name| self.regions.get(*name)).map(|region| &region.set) {
             let every = set.len().div_ceil(PLACES).max(1);
@@ -293,7 +293,7 @@ struct Formula {
 }
 
 /// The numbers of a value at points; not numbers where one of them is none.
-fn numbers(value: &Value, points: &[[f64; 3]], time: f64) -> Vec<f64> {
+pub(super) fn numbers(value: &Value, points: &[[f64; 3]], time: f64) -> Vec<f64> {
     let value = value.at_step(Window::instant(time));
     let points = if value.law.inputs.is_empty() { &points[..1] } else { points };
     let n = points.len() * value.n_components();

@@ -9,9 +9,15 @@ use wfl::{
     Diagnostic, ResolvedScript,
     ast::{Expr, ExprKind},
 };
-use wfl_compiler::{TermSource, backend::KernelBackend, compile_term, compile_value, types::PlaceSig};
+use wfl_compiler::{
+    LoadPart, TermSource,
+    backend::KernelBackend,
+    compile_term, compile_value,
+    types::{FieldId, PlaceSig},
+};
 use wfl_discrete::{
     assemble::{AssembledTerm, Binding, Domain, Integrator, LawSlots},
+    field::FieldSpace,
     system::System,
     value::Value,
 };
@@ -30,6 +36,16 @@ struct Home {
     set: RegionSet,
 }
 
+/// What is integrated, where and at which state, and what compiles it.
+#[derive(Clone, Copy)]
+struct Asked<'a> {
+    script: &'a ResolvedScript,
+    backend: &'a dyn KernelBackend,
+    integrand: &'a Expr,
+    over: Over<'a>,
+    at: StateAt<'a>,
+}
+
 /// Where an integrand is taken.
 #[derive(Clone, Copy, Debug)]
 pub enum Over<'a> {
@@ -37,6 +53,8 @@ pub enum Over<'a> {
     Everywhere,
     /// On regions of the scene.
     Regions(&'a [wfl::ast::Ident]),
+    /// On the regions of a measure, at its points where these are one set: what it depends on is what the run has computed.
+    Measure(&'a wfl::Measure),
     /// At the point of a measure, by its name: the value there.
     Point(&'a str),
 }
@@ -55,10 +73,43 @@ impl Scene {
         over: Over<'_>,
         at: StateAt<'_>,
     ) -> Result<Vec<f64>, String> {
+        let mut out = self.summed(TermSource::Energy(integrand), Asked { script, backend, integrand, over, at })?;
+        if let Over::Point(_) = over {
+            let size = self.integral(script, backend, &one(integrand), (over, at))?;
+            out.iter_mut().for_each(|x| *x /= size);
+        }
+        Ok(out)
+    }
+
+    /// An integral as forces at nodes, whose sum it is: of each basis function of some unknown its product with the integrand,
+    /// by dof. `None` where no unknown has a basis there.
+    #[must_use]
+    pub fn at_nodes(
+        &self,
+        script: &ResolvedScript,
+        backend: &dyn KernelBackend,
+        measure: &wfl::Measure,
+        at: StateAt<'_>,
+    ) -> Option<Vec<f64>> {
+        let fields = self.system.fields.iter().enumerate();
+        let mut nodal =
+            fields.filter(|(k, f)| matches!(f.space, FieldSpace::Nodal(_)) && self.system.range(*k).is_some());
+        nodal.find_map(|(k, f)| {
+            let part = if f.n_components == 1 { LoadPart::Whole } else { LoadPart::Component(0) };
+            let source = TermSource::Load { value: &measure.expr, field: FieldId::new(k), part };
+            let asked = Asked { script, backend, integrand: &measure.expr, over: Over::Measure(measure), at };
+            let loads = self.summed(source, asked).ok()?;
+            Some(loads.into_iter().map(|x| -x).collect())
+        })
+    }
+
+    /// By dof what a form made of an expression adds to the equations.
+    fn summed(&self, source: TermSource<'_>, asked: Asked<'_>) -> Result<Vec<f64>, String> {
+        let Asked { script, backend, integrand, over, at } = asked;
         let env = self.open_env();
         let mut out = vec![0.0; self.system.numbering.n_dofs];
         for home in self.homes(script, backend, integrand, over)? {
-            let compiled = compile_term(&env, &home.sig, "the goal", TermSource::Energy(integrand));
+            let compiled = compile_term(&env, &home.sig, "the goal", source);
             let Some(law) = compiled.value else { return Err(first(&compiled.diagnostics)) };
             let system = &self.system;
             if law.tests.iter().any(|t| system.numbering.starts[t.field.index()].is_none()) {
@@ -66,6 +117,10 @@ impl Scene {
             }
             let domain = match over {
                 Over::Point(_) => self.at_point(over)?,
+                Over::Measure(measure) => match self.domain_of(&measure.name.name) {
+                    Some(domain) => domain,
+                    None => self.points(&home, law.degree.rule(), integrand)?,
+                },
                 _ => self.points(&home, law.degree.rule(), integrand)?,
             };
             let slots = LawSlots { inputs: &law.inputs, tests: &law.tests, trials: &law.trials };
@@ -76,10 +131,6 @@ impl Scene {
             term.set_step(at.system.with_present_rates(at.window));
             let values = at.system.values(at.unknowns);
             term.add_residual(&system.mesh, values.view(), &mut out).map_err(|e| e.to_string())?;
-        }
-        if let Over::Point(_) = over {
-            let size = self.integral(script, backend, &one(integrand), (over, at))?;
-            out.iter_mut().for_each(|x| *x /= size);
         }
         Ok(out)
     }
@@ -103,8 +154,12 @@ impl Scene {
     /// The points of the measure of this name.
     fn at_point(&self, over: Over<'_>) -> Result<Arc<Domain>, String> {
         let Over::Point(name) = over else { return Err("it is not taken at a point".to_owned()) };
-        let measure = self.measures.iter().find(|m| m.name == name);
-        measure.and_then(Measure::domain).ok_or_else(|| format!("no value `{name}` at a point"))
+        self.domain_of(name).ok_or_else(|| format!("no value `{name}` at a point"))
+    }
+
+    /// The points of the measure of this name, where they are one set.
+    fn domain_of(&self, name: &str) -> Option<Arc<Domain>> {
+        self.measures.iter().find(|m| m.name == name).and_then(Measure::domain)
     }
 
     /// By cell of the mesh: the integral of a scalar expression at a state; on faces it counts for the cell of their side.
@@ -168,7 +223,12 @@ impl Scene {
         over: Over<'_>,
     ) -> Result<Vec<Home>, String> {
         let system = &self.system;
-        if let Over::Regions(names) = over {
+        let names = match over {
+            Over::Regions(names) => Some(names),
+            Over::Measure(measure) => Some(measure.places.as_slice()),
+            Over::Everywhere | Over::Point(_) => None,
+        };
+        if let Some(names) = names {
             let home = |name: &wfl::ast::Ident| {
                 let region = self.regions.get(&name.name).ok_or_else(|| format!("no region `{}`", name.name))?;
                 let sig = place_sig(&name.name, region, &system.mesh, &system.fields);

@@ -23,6 +23,7 @@ mod coverage;
 mod covered;
 mod cut;
 pub mod demand;
+mod differenced;
 mod edges;
 mod effects;
 mod equations;
@@ -153,6 +154,8 @@ pub struct Measure {
     taken: Taken,
     /// Of an integral that is linear in the unknowns, in a scene of many steps.
     weights: Option<weights::Weights>,
+    /// Its text names the end of the previous step, or the increment: it may be an amount of the step.
+    names_change: bool,
     /// Where it stands.
     pub span: wfl::Span,
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use wfl::{
     Code, Diagnostic,
     ast::{Expr, MeasureAt, Place, Reduction},
-    at_expr,
+    at_expr, each_name, split_prefixes,
 };
 use wfl_compiler::{ValueLaw, compile_value, types::InputSlot};
 use wfl_discrete::{
@@ -133,7 +133,8 @@ impl Builder<'_> {
             };
             let weights =
                 if from.often { self.linear_weights(measure, &taken, &from.held.numbering.starts) } else { None };
-            out.push(Measure { name: measure.name.name.clone(), taken, weights, span: measure.expr.span });
+            let (name, span) = (measure.name.name.clone(), measure.expr.span);
+            out.push(Measure { name, taken, weights, names_change: names_change(&measure.expr), span });
         }
         out
     }
@@ -310,6 +311,13 @@ fn reads_field(slot: &InputSlot) -> bool {
     matches!(slot, InputSlot::Field(_) | InputSlot::Previous(_) | InputSlot::History(..))
 }
 
+/// Whether an expression names a value of the previous step or the increment, which amounts of a step are made of.
+fn names_change(e: &Expr) -> bool {
+    let mut found = false;
+    each_name(e, &mut |word| found |= word == "timestep" || split_prefixes(word).0.contains("Previous_"));
+    found
+}
+
 impl Measure {
     /// The points of a measure that is taken on one set of them.
     pub(super) fn domain(&self) -> Option<Arc<Domain>> {
@@ -347,11 +355,14 @@ impl Measure {
         }
     }
 
-    /// Whether it samples an expression that reads the end of the previous step, or the increment.
+    /// Whether it samples an expression that says what changes in a step. A rate (`Dot_u`) reads the past, too, and is a value
+    /// at the end of the step.
     #[must_use]
     pub fn reads_change(&self) -> bool {
         match &self.taken {
-            Taken::Points(_, parts) => parts.iter().any(|(value, _)| value.reads_past() || value.reads_step()),
+            Taken::Points(_, parts) => {
+                self.names_change && parts.iter().any(|(value, _)| value.reads_past() || value.reads_step())
+            }
             Taken::Reaction(_) | Taken::Balance(_) => false,
         }
     }

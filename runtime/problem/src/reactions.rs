@@ -12,7 +12,7 @@ use std::{
 
 use wfl::{
     Code, Diagnostic,
-    ast::{Expr, ExprKind},
+    ast::{Argument, Expr, ExprKind},
     at_expr, children, each_name, split_prefixes,
 };
 use wfl_compiler::{Constant, Env, InterpreterBackend, compile_value, types::FieldKind};
@@ -251,16 +251,18 @@ impl Builder<'_> {
         let unit = |c: usize| (0..n).map(|k| f64::from(u8::from(k == c))).collect::<Vec<f64>>();
         let mut columns = Vec::with_capacity(n);
         for c in 0..n {
-            columns.push(self.at_nodes_with(e, field, &unit(c), positions)?);
+            columns.push(self.at_nodes_with(e, field, &[unit(c)], positions)?);
         }
         // with both signs: an absolute value is linear on each side
         for sign in [1.0, -1.0] {
             let trial: Vec<f64> = (0..n).map(|c| sign * (TRIAL[c % TRIAL.len()] + (c / TRIAL.len()) as f64)).collect();
-            let whole = self.at_nodes_with(e, field, &trial, positions)?;
+            let whole = self.at_nodes_with(e, field, std::slice::from_ref(&trial), positions)?;
             for (k, found) in whole.iter().enumerate() {
                 let parts = || columns.iter().zip(&trial).map(|(column, t)| column[k] * t);
                 let size: f64 = parts().map(f64::abs).sum();
-                if (found - parts().sum::<f64>()).abs() > LINEAR * size.max(found.abs()) {
+                let apart = (found - parts().sum::<f64>()).abs();
+                // what is not a number is linear in nothing
+                if apart.is_nan() || apart > LINEAR * size.max(found.abs()) {
                     let name = &self.fields[field].name;
                     let d = Diagnostic::new(Code::E460, format!("this is not linear in `{name}`"));
                     let d = d.help("a sum of forces: a component u(1), a direction u.[0,1], a moment x*u(2) - y*u(1)");
@@ -269,15 +271,60 @@ impl Builder<'_> {
                 }
             }
         }
+        self.has_no_products(e, field, positions)?;
         let of_node = |k: usize| columns.iter().map(move |column| column[k]);
         Some((0..positions.len()).flat_map(of_node).collect())
     }
 
-    /// An expression at positions with a value of a field in place of its name; `None` after a message.
-    fn at_nodes_with(&mut self, e: &Expr, field: usize, value: &[f64], positions: &[[f64; 3]]) -> Option<Vec<f64>> {
+    /// Whether an expression is linear in all places in which the unknown stands, told apart. Products of the unknown may cancel,
+    /// as in a moment about the current place, `(x + u(1))*u(2) - (y + u(2))*u(1)`: what is left is linear, and another number
+    /// than the one that was meant, which has a state in the arms and a unit of the unknown behind them.
+    fn has_no_products(&mut self, e: &Expr, field: usize, positions: &[[f64; 3]]) -> Option<()> {
+        let (name, n) = (self.fields[field].name.clone(), self.fields[field].n_components);
+        let mut places = 0;
+        let apart = told_apart(e, &name, &mut places);
+        if places < 2 {
+            return Some(());
+        }
+        #[expect(clippy::cast_precision_loss, reason = "as many places as a line has")]
+        let value = |k: usize| (0..n).map(move |c| (1.0 + k as f64 / places as f64) * TRIAL[(k + c) % TRIAL.len()]);
+        let all: Vec<Vec<f64>> = (0..places).map(|k| value(k).collect()).collect();
+        let whole = self.at_nodes_with(&apart, field, &all, positions)?;
+        let mut sums = vec![[0.0; 2]; whole.len()];
+        for k in 0..places {
+            let one = |j: usize| if j == k { all[k].clone() } else { vec![0.0; n] };
+            let part = self.at_nodes_with(&apart, field, &(0..places).map(one).collect::<Vec<_>>(), positions)?;
+            sums.iter_mut().zip(part).for_each(|([sum, size], x)| (*sum, *size) = (*sum + x, *size + x.abs()));
+        }
+        let is_sum = |(found, [sum, size]): (&f64, &[f64; 2])| (found - sum).abs() <= LINEAR * size.max(found.abs());
+        if whole.iter().zip(&sums).all(is_sum) {
+            return Some(());
+        }
+        let d =
+            Diagnostic::new(Code::E460, format!("this is not linear in `{name}`: it multiplies `{name}` by itself"));
+        let d = d.help(format!(
+            "arms of the reference placement: x*{name}(2) - y*{name}(1). With current ones, of a support that turns by a: \
+             cos(a)*reaction(x*{name}(2) - y*{name}(1)) - sin(a)*reaction(x*{name}(1) + y*{name}(2))"
+        ));
+        self.diagnostics.push(at_expr(d, e, self.env.expansions, ""));
+        None
+    }
+
+    /// An expression at positions with values of a field in place of its name, one, or one for each place in which it stands
+    /// ([`told_apart`]); `None` after a message.
+    fn at_nodes_with(
+        &mut self,
+        e: &Expr,
+        field: usize,
+        values: &[Vec<f64>],
+        positions: &[[f64; 3]],
+    ) -> Option<Vec<f64>> {
         let sig = &self.sigs[field];
         let mut params: BTreeMap<String, Constant> = self.params.clone();
-        params.insert(sig.name.clone(), Constant { shape: sig.shape, values: value.to_vec(), declared: None });
+        let names = std::iter::once(sig.name.clone()).chain((0..).map(|k| at_place(&sig.name, k)));
+        for (name, value) in names.zip(values.iter().take(1).chain(values)) {
+            params.insert(name, Constant { shape: sig.shape, values: value.clone(), declared: None });
+        }
         let env = Env { params: &params, ..self.env.clone() };
         let law = compile_value(&env, &position_place(self.fields.len()), "a reaction", e);
         self.diagnostics
@@ -312,6 +359,42 @@ impl Builder<'_> {
         }
         made
     }
+}
+
+/// A word that nobody can write, for one of the places in which a field stands.
+fn at_place(field: &str, k: usize) -> String {
+    format!("{field}#{k}")
+}
+
+/// An expression with another word in each place in which a field stands, but in conditions; `n` counts them.
+fn told_apart(e: &Expr, field: &str, n: &mut usize) -> Expr {
+    let mut of = |part: &Expr| told_apart(part, field, n);
+    let kind = match &e.kind {
+        ExprKind::Name(word) if word == field => {
+            *n += 1;
+            ExprKind::Name(at_place(field, *n - 1))
+        }
+        ExprKind::Number(_) | ExprKind::Name(_) => e.kind.clone(),
+        ExprKind::Sum(parts) => ExprKind::Sum(parts.iter().map(|(minus, part)| (*minus, of(part))).collect()),
+        ExprKind::Product(first, rest) => {
+            let first = Box::new(of(first));
+            ExprKind::Product(first, rest.iter().map(|(op, place, part)| (*op, *place, of(part))).collect())
+        }
+        ExprKind::Negate(a) => ExprKind::Negate(Box::new(of(a))),
+        ExprKind::Transpose(a) => ExprKind::Transpose(Box::new(of(a))),
+        ExprKind::Power(a, b) => ExprKind::Power(Box::new(of(a)), Box::new(of(b))),
+        ExprKind::Call(callee, arguments) => {
+            let callee = Box::new(of(callee));
+            let argument = |argument: &Argument| match argument {
+                Argument::Expr(part) => Argument::Expr(of(part)),
+                other => other.clone(),
+            };
+            ExprKind::Call(callee, arguments.iter().map(argument).collect())
+        }
+        ExprKind::Tensor(rows) => ExprKind::Tensor(rows.iter().map(|row| row.iter().map(&mut of).collect()).collect()),
+        ExprKind::If(condition, a, b) => ExprKind::If(condition.clone(), Box::new(of(a)), Box::new(of(b))),
+    };
+    Expr { kind, span: e.span, expansion: e.expansion }
 }
 
 /// The first call in an expression that derives a field, with its word.

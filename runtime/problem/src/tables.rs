@@ -71,6 +71,7 @@ impl Builder<'_> {
         let mut found = if self.script.tables.is_empty() { TablesOf::default() } else { self.of_tables(steps) };
         found.forcing = self.forcing(steps, &found.corners);
         found.forcing.add_to(&mut found.corners);
+        self.differenced(steps);
         found
     }
 

@@ -5,7 +5,10 @@
 //! of the whole step, it is told.
 
 use wfl::{Code, Diagnostic};
-use wfl_discrete::{system::Past, window::Window};
+use wfl_discrete::{
+    system::{Past, System},
+    window::Window,
+};
 use wfl_problem::{Measure, Measured, Solving};
 
 use super::{StepResult, ended::Ended};
@@ -35,8 +38,10 @@ impl Whole {
         if !step.history.converged() || step.window.increment.abs() >= MUCH * self.window.increment.abs() {
             return Vec::new();
         }
-        let system = scene.system.with_past(self.past.as_ref());
-        let at = Measured::new(&system, self.window, u);
+        let mut system = scene.system.with_past(self.past.as_ref());
+        let before = scene.system.known().previous.as_ref();
+        let window = held(&mut system, before.map_or(u, |past| &past.unknowns), u, self.window);
+        let at = Measured::new(&system, window, u);
         let of = |measure: &Measure| {
             let (_, last) = step.measures.iter().find(|(name, _)| *name == measure.name)?;
             let whole = measure.evaluate(&at);
@@ -45,6 +50,14 @@ impl Whole {
         };
         scene.measures.iter().filter(|measure| Measure::reads_change(measure)).filter_map(of).collect()
     }
+}
+
+/// A window whose rates are those at the end of a step, which ends at `u` and began at `before`, whatever the past is.
+fn held(system: &mut System, before: &[f64], u: &[f64], window: Window) -> Window {
+    let Some(rates) = system.rates_mut() else { return window };
+    let [first, second] = rates.ended(u, before);
+    rates.take(&first, &second);
+    window.with_rates(rates.factors())
 }
 
 /// A measure that has the change over the last part of a step.

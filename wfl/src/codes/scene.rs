@@ -407,7 +407,9 @@ pages! {
         E460,
         "a reaction that there is not",
         "`reaction(u(1))` is the sum of the forces that prescribed values carry at the nodes of a region: minus what is left \
-         of their equations. Some value of the unknown must be prescribed there, and the argument is linear in one unknown. \
+         of their equations. Some value of the unknown must be prescribed there, and the argument is linear in one unknown: \
+         the arms of a moment are those of the reference placement, x*u(2) - y*u(1). With current arms, (x + u(1))*u(2), the \
+         unknown is multiplied by itself. \
          The equations hold at the end of a step: not with `scheme explicit`, `hht` and `generalised_alpha`.",
         "measure force = reaction(Norm(u)) on west",
         "measure force = reaction(u(1)) on west",

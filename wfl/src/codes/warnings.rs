@@ -145,7 +145,9 @@ pages! {
         "a step variable that is coarser than its steps",
         "Numbers have 16 digits: far from zero the values of the step variable are rounded to a visible part of a step. \
          Increments are those that the scene says, so rates are right; formulas of the variable, such as a load, are taken \
-         at the rounded value. Count the variable from the beginning of the run.",
+         at the rounded value. Of a field with second rates values that a formula prescribes are differenced twice: their \
+         accelerations, and the reactions that follow from them, miss the rounding over the square of an increment, which \
+         is told from a thousandth of the largest acceleration on. Count the variable from the beginning of the run.",
         "steps t = 1e12 to 1e12+1 by 0.005",
         "steps t = 0 to 1 by 0.005",
     ),
@@ -687,6 +689,7 @@ pages! {
         "a change over a part of a step",
         "A step that did not converge was solved in smaller increments. Measures that read `Previous_` or `timestep` see the \
          last of these: a slip, a work or a wear of the step is that of its last increment. The message has both numbers. \
+         A rate, `Dot_u`, is a value at the end of the step and no amount of it. \
          A state that adds up what is wanted in each increment has the whole, as the energies of the run have; steps that \
          converge at once have no parts.",
         "measure worn = integral(u - Previous_u) on all",

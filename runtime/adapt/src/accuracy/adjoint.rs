@@ -68,7 +68,8 @@ impl Pair<'_> {
         let adjoint = adjoint(rich, &last.state, goal, threads)?;
         let products = self.products(&embedded, &adjoint)?;
         let mut parts = by_cell(rich, &products, &adjoint);
-        for (all, more) in parts.iter_mut().zip(self.of_data(&embedded, &adjoint)?) {
+        let own = self.of_rule(quantity, &embedded, backend);
+        for (all, more) in parts.iter_mut().zip(self.of_data(own.as_deref(), &embedded, &adjoint)?) {
             (0..3).for_each(|d| all[d] += more[d]);
         }
         let size = parts.iter().flatten().sum::<f64>() * self.scale(quantity);
@@ -90,8 +91,9 @@ impl Pair<'_> {
     }
 
     /// The same for the residual in the coarser space itself, which is zero but for rules: those of the richer run see
-    /// more of loads and coefficients. In equal parts to all directions of a cell.
-    fn of_data(&self, embedded: &[f64], adjoint: &[f64]) -> Result<Vec<[f64; 3]>, String> {
+    /// more of loads and coefficients. In equal parts to all directions of a cell. What the finer rule makes of an integral
+    /// itself, `own`, belongs to it: a force of contact is an integral of what stands in the equations, and both changes cancel.
+    fn of_data(&self, own: Option<&[f64]>, embedded: &[f64], adjoint: &[f64]) -> Result<Vec<[f64; 3]>, String> {
         let [coarse, fine] = [&self.coarse.outcome.equations.system, &self.rich.outcome.equations.system];
         let mut parts = vec![[0.0; 3]; coarse.mesh.n_cells()];
         if fine.numbering.has_ties() {
@@ -101,7 +103,11 @@ impl Pair<'_> {
         residual.iter_mut().zip(&fine.numbering.free).filter(|(_, free)| **free == FIXED).for_each(|(r, _)| *r = 0.0);
         fine.numbering.frames.turn_back(&mut residual);
         let (forces, weights) = (gathered(coarse, fine, &residual)?, transfer(fine, coarse, adjoint)?);
-        let products: Vec<f64> = forces.iter().zip(&weights).map(|(r, w)| (r * w).abs()).collect();
+        let mut products: Vec<f64> = forces.iter().zip(&weights).map(|(r, w)| -r * w).collect();
+        match own {
+            Some(own) => add_at_nodes(coarse, own, &mut products),
+            None => products.iter_mut().for_each(|product| *product = product.abs()),
+        }
         let mut cells = vec![0.0; parts.len()];
         to_cells(coarse, &products, &mut cells);
         let dim = coarse.mesh.dim();
@@ -109,6 +115,22 @@ impl Pair<'_> {
             part.iter_mut().take(dim).for_each(|p| *p = whole / dim as f64);
         }
         Ok(parts)
+    }
+
+    /// By dof of the coarser space what the rule of the richer run changes in an integral at the coarser solution; `None` for
+    /// other quantities.
+    fn of_rule(&self, quantity: &str, embedded: &[f64], backend: &dyn KernelBackend) -> Option<Vec<f64>> {
+        let wanted = quantity.strip_prefix(MEASURE).unwrap_or(quantity);
+        let of = |run: &Solved, unknowns: &[f64]| {
+            let (system, window) = (&run.outcome.equations.system, run.outcome.steps.last()?.window);
+            let mut measures = run.script.measures.iter();
+            let measure = measures.find(|m| m.name.name == wanted && m.reduction == Reduction::Integral)?;
+            run.scene.at_nodes(&run.script, backend, measure, StateAt { system, window, unknowns })
+        };
+        let [fine, coarse] = [of(self.rich, embedded)?, of(self.coarse, &self.coarse.outcome.steps.last()?.state)?];
+        let systems = [&self.coarse.outcome.equations.system, &self.rich.outcome.equations.system];
+        let fine = gathered(systems[0], systems[1], &fine).ok()?;
+        Some(fine.iter().zip(&coarse).map(|(a, b)| a - b).collect())
     }
 
     /// By dof of the richer space: minus the residual of the coarser solution times what the adjoint solution has beyond the
@@ -216,7 +238,7 @@ impl Pair<'_> {
                 goal.iter_mut().for_each(|g| *g /= HIGH_POWER * all.abs().max(f64::MIN_POSITIVE));
                 return Ok(goal);
             }
-            return integrals(&measure.expr, Over::Regions(&measure.places), to);
+            return integrals(&measure.expr, Over::Measure(measure), to);
         }
         let mut goal = vec![0.0; to.len()];
         for (quantity, weight) in norms {
@@ -226,6 +248,24 @@ impl Pair<'_> {
             goal.iter_mut().zip(there.iter().zip(&here)).for_each(|(g, (a, b))| *g += weight * (a - b));
         }
         Ok(goal)
+    }
+}
+
+/// Sizes of parts by dof, with further ones at nodes, whatever component those have: at a node that has some the sum of both.
+fn add_at_nodes(system: &System, more: &[f64], parts: &mut [f64]) {
+    for (k, field) in system.fields.iter().enumerate() {
+        let Some(range) = system.range(k) else { continue };
+        let n = field.n_components;
+        for (own, more) in parts[range.clone()].chunks_exact_mut(n).zip(more[range].chunks_exact(n)) {
+            let further: f64 = more.iter().sum();
+            if further == 0.0 {
+                own.iter_mut().for_each(|part| *part = part.abs());
+            } else {
+                let whole = further + own.iter().sum::<f64>();
+                own.fill(0.0);
+                own[0] = whole.abs();
+            }
+        }
     }
 }
 

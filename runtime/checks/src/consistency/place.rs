@@ -4,11 +4,11 @@
 //! of the state. Does not judge.
 
 mod direction;
+mod stiffness;
 
 pub(super) use direction::{TILTED, root};
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, DVector};
 use wfl_compiler::{
     Class, Projection, ProjectionKind, TermLaw, interpret,
     ir::{LANES, VerifiedKernel},
@@ -23,11 +23,6 @@ use wfl_mesh::mesh::{CellId, Mesh};
 
 /// Strain by which laws are differentiated: exact for laws that are linear, and as good as their rounding for others.
 const STRAIN: f64 = 1e-6;
-/// Corrections of a gradient or of multipliers; laws that are linear need two.
-const CORRECTIONS: usize = 20;
-/// What the traction of a gradient that was looked for may miss, relative: Newton's method ends at rounding, with
-/// room for laws whose summands are some thousand times their sum.
-const MISSED: f64 = 1e-11;
 /// Known fields may vary by so much inside a cell, relative, to count as constant: what files and formulas with
 /// rounding leave of a constant.
 const VARIES: f64 = 1e-9;
@@ -105,6 +100,8 @@ struct Watched<'a> {
     projections: &'a [Projection],
     /// The first field of its branches, and those of a point that is open.
     branches: (usize, TermBranches),
+    /// It is a law that pushes bodies, and no aperture of a fluid.
+    pushes: bool,
 }
 
 /// See the module.
@@ -117,6 +114,8 @@ pub(super) struct Place<'a> {
     face: Vector,
     /// Cosine between that and the direction in which the law presses the body out of an overlap.
     pub(super) looks: f64,
+    /// Of the half lines that act the one that closes first there, by number.
+    pub(super) law: usize,
     /// From the face to the centre of the cell.
     pub(super) size: f64,
     roles: Roles,
@@ -294,7 +293,8 @@ impl<'a> Finder<'a> {
             let at = self.locate(&sampled.domain, &sampled.binding)?;
             let bound = self.bound(&sampled.domain, &sampled.binding);
             let reader = self.reader(bound, &at, 0, &watch.law.inputs, watch.uniforms());
-            Some(Watched { kernel: &watch.law.kernel, reader, projections, branches: (p.field, p.open_at(1)) })
+            let (branches, pushes) = ((p.field, p.open_at(1)), p.pushes(self.system));
+            Some(Watched { kernel: &watch.law.kernel, reader, projections, branches, pushes })
         };
         let mut terms: Vec<&ContactTerm> = self.contact.terms().iter().filter(|p| !p.on_cells()).collect();
         // the argument of contact is that of a law which presses, not the aperture of a fluid beside it
@@ -418,7 +418,7 @@ impl<'a> Place<'a> {
         let (a, b) = (mesh.centroid(here), mesh.facet_centroid(facet));
         let size = (0..3).fold(0.0f64, |m, k| m.hypot(a[k] - b[k]));
         let mut place =
-            Self { dim: domain.dim, normal, face: normal, looks: 1.0, size, roles, interface, watched, bulk };
+            Self { dim: domain.dim, normal, face: normal, looks: 1.0, law: 0, size, roles, interface, watched, bulk };
         (place.normal, place.looks) =
             place.direction().ok_or("the normal of the obstacle changes as the body comes to it")?;
         let rest = place.rest();
@@ -494,56 +494,6 @@ impl<'a> Place<'a> {
         sum.iter().all(|x| x.is_finite()).then_some(sum)
     }
 
-    /// The change of a traction with the gradient, about one.
-    fn traction_slope(&self, body: usize, value: &Vector, gradient: &Gradient) -> Option<DMatrix<f64>> {
-        let n = self.dim * self.dim;
-        let mut slope = DMatrix::zeros(self.dim, n);
-        for k in 0..n {
-            let moved = |by: f64| {
-                let mut g = *gradient;
-                g[k] += by;
-                self.traction(body, value, &g)
-            };
-            let (ahead, behind) = (moved(STRAIN)?, moved(-STRAIN)?);
-            (0..self.dim).for_each(|i| slope[(i, k)] = (ahead[i] - behind[i]) / (2.0 * STRAIN));
-        }
-        Some(slope)
-    }
-
-    /// The stiffness of the softer body at its face, without displacement (stress).
-    pub(super) fn stiffness(&self) -> Option<f64> {
-        let bodies = 0..if self.has_two_bodies() { 2 } else { 1 };
-        let of = |body| Some(self.traction_slope(body, &[0.0; 3], &[0.0; 9])?.amax());
-        let all: Option<Vec<f64>> = bodies.map(of).collect();
-        all?.into_iter().min_by(f64::total_cmp).filter(|s| *s > 0.0)
-    }
-
-    /// The gradient nearest to `start` with this traction at a displacement; `None` where there is none.
-    pub(super) fn gradient(
-        &self,
-        body: usize,
-        value: &Vector,
-        traction: &Vector,
-        start: &Gradient,
-    ) -> Option<Gradient> {
-        let size = dot(traction, traction).sqrt();
-        let mut gradient = *start;
-        let largest = start.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-        let scale = size.max(self.traction_slope(body, value, start)?.amax() * largest);
-        for _ in 0..CORRECTIONS {
-            let found = self.traction(body, value, &gradient)?;
-            let missing = DVector::from_fn(self.dim, |i, _| traction[i] - found[i]);
-            if missing.amax() <= MISSED * scale {
-                return Some(gradient);
-            }
-            let slope = self.traction_slope(body, value, &gradient)?;
-            let inverse = slope.clone().pseudo_inverse(1e-10 * slope.amax()).ok()?;
-            let change = inverse * missing;
-            change.iter().zip(&mut gradient).for_each(|(c, g)| *g += c);
-        }
-        None
-    }
-
     /// How the forces of the interface change with the gradients of the displacement, and what is tested with gradients
     /// with the displacement: the sum of the products of facing entries, and of the squares of the former.
     pub(super) fn couplings(&self, state: &State) -> (f64, f64) {
@@ -571,9 +521,35 @@ impl<'a> Place<'a> {
         (product, forces.values().map(|f| f * f).sum())
     }
 
+    /// The arguments of the half lines that act, of the laws that push bodies if there are some.
+    pub(super) fn contact_arguments(&self, state: &State) -> Vec<f64> {
+        let pushes = self.watched.first().is_some_and(|w| w.pushes);
+        let mut found = Vec::new();
+        self.projections_of(
+            state,
+            |w| w.pushes == pushes,
+            |p, out| {
+                if p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts {
+                    found.push(out[p.output]);
+                }
+            },
+        );
+        found
+    }
+
     /// Calls `f` with each projection and the outputs of its term.
-    pub(super) fn projections(&self, state: &State, mut f: impl FnMut(&Projection, &[f64])) {
-        for w in &self.watched {
+    pub(super) fn projections(&self, state: &State, f: impl FnMut(&Projection, &[f64])) {
+        self.projections_of(state, |_| true, f);
+    }
+
+    /// The same of some of the terms.
+    fn projections_of(
+        &self,
+        state: &State,
+        counts: impl Fn(&Watched<'_>) -> bool,
+        mut f: impl FnMut(&Projection, &[f64]),
+    ) {
+        for w in self.watched.iter().filter(|w| counts(w)) {
             let (field, mut point) = w.branches.clone();
             let mut out = vec![0.0; w.kernel.kernel().outputs.len()];
             // inner projections are part of the radius of outer ones

@@ -226,15 +226,9 @@ impl Place<'_> {
         Some(fluxes)
     }
 
-    /// The argument of the first half line that acts.
+    /// The argument of the half line that acts.
     fn contact_argument(&self, state: &State) -> Option<f64> {
-        let mut found = None;
-        self.projections(state, |p, out| {
-            if p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts {
-                found.get_or_insert(out[p.output]);
-            }
-        });
-        found
+        self.contact_arguments(state).get(self.law).copied()
     }
 
     /// True if bodies without traction touch where those without displacement do, as far as that matters: where the gap

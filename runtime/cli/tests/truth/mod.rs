@@ -7,9 +7,11 @@ use crate::common;
 mod accuracy;
 mod adaptive;
 mod alarms;
+mod axes;
 mod cohesive;
 mod contact_form;
 mod contact_rule;
+mod flows;
 mod friction;
 mod joints;
 mod jumps;
@@ -19,12 +21,14 @@ mod offsets;
 mod one_term;
 mod open;
 mod power_laws;
+mod prescribed;
 mod row_signs;
 mod singular;
 mod stability;
 mod states;
 mod steep;
 mod units;
+mod walls;
 
 use std::path::Path;
 

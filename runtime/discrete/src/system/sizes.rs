@@ -10,6 +10,21 @@ use crate::{assemble::AssembledTerm, field::Field, finite::largest};
 const SMALL: f64 = 1e-3;
 
 impl System {
+    /// By dof of a vector of the space its length at the node, which does not depend on the axes; of other fields the number.
+    #[must_use]
+    pub fn lengths(&self, u: &[f64]) -> Vec<f64> {
+        let mut out = u.to_vec();
+        let dim = self.mesh.dim();
+        let vectors = (0..self.fields.len()).filter(|k| dim > 1 && self.fields[*k].n_components == dim);
+        for range in vectors.filter_map(|k| self.range(k)) {
+            for node in out[range].chunks_exact_mut(dim) {
+                let length = node.iter().fold(0.0f64, |m, x| m.hypot(*x));
+                node.fill(length);
+            }
+        }
+        out
+    }
+
     /// By body: what relative residuals are relative to. For unknowns the largest nodal force of loads, linear or
     /// nonlinear terms, of all bodies that meet on an interface (one that nothing touches has no force of its own);
     /// for multipliers, whose equations balance inside one term, the size of what cancels: of [`Self::sizes`].

@@ -14,7 +14,7 @@ use crate::{
 /// below any that is meant.
 const UNSTRAINED: f64 = 1e3;
 
-/// A residual of this part of all forces is all of them, but for rounding of sums.
+/// A residual that is this part of all forces is all of them: what is missing is rounding of sums.
 const ALL: f64 = 0.999;
 
 /// A law is straight within rounding where its residual changes by no less than this part of what its slope foretells: what other

@@ -41,13 +41,13 @@ impl Place<'_> {
     /// The direction of the force that presses the first body out of an overlap, where that is about the normal of the
     /// face; else the normal. With the cosine between the two. `None` where an obstacle has no direction that is also the one
     /// in which the body comes to it.
-    pub(super) fn direction(&self) -> Option<(Vector, f64)> {
-        // an initial stress acts where they are apart, too
-        let apart = self.force_at(&self.face.map(|n| -STRAIN * self.size * f64::powi(2.0, DOUBLINGS) * n));
-        let apart = apart.unwrap_or_default();
+    pub(super) fn direction(&mut self) -> Option<(Vector, f64)> {
+        let face = self.face;
+        self.law = self.first_met(&face);
+        let apart = self.apart();
         // a small obstacle far away lies between two of the overlaps that are tried
-        let far = || self.pressed_out(&self.way_to_touch(&self.face)?, &self.face, &apart);
-        let Some((overlap, mut unit)) = self.pressed_out(&[0.0; 3], &self.face, &apart).or_else(far) else {
+        let far = || self.pressed_out(&self.way_to_touch(&face)?, &face, &apart);
+        let Some((overlap, mut unit)) = self.pressed_out(&[0.0; 3], &face, &apart).or_else(far) else {
             return Some((self.face, 0.0));
         };
         // a force apart and none in an overlap is that of an obstacle behind the body: the face looks away from it
@@ -60,6 +60,7 @@ impl Place<'_> {
             if !(along > TILTED && along < 1.0 - ALIGNED) {
                 return Some((self.face, along));
             }
+            self.law = self.first_met(&unit);
             let touching = self.way_to_touch(&unit).unwrap_or_default();
             let (_, next) = self.pressed_out(&touching, &unit, &apart)?;
             let turned = (0..3).map(|k| (next[k] - unit[k]).abs()).fold(0.0, f64::max);
@@ -69,6 +70,36 @@ impl Place<'_> {
             }
         }
         None
+    }
+
+    /// The force on the first body where it is apart from the obstacle: an initial stress acts there, too. It is the same at
+    /// twice the distance; farther away the next obstacle may be.
+    fn apart(&self) -> Vector {
+        let at = |k: i32| self.force_at(&self.face.map(|n| -STRAIN * self.size * f64::powi(2.0, k) * n));
+        let stays = |k: &i32| {
+            let [near, far] = [at(*k), at(k + 1)].map(Option::unwrap_or_default);
+            let change = [0, 1, 2].map(|i| near[i] - far[i]);
+            dot(&change, &change).sqrt() <= ALIGNED * dot(&near, &near).sqrt()
+        };
+        at((0..DOUBLINGS).find(stays).unwrap_or(DOUBLINGS)).unwrap_or_default()
+    }
+
+    /// Of several laws of contact on the face, as those of two walls in whose corner a body lies, the one that closes first
+    /// along a direction, counted among half lines that act; the first of all where none closes.
+    fn first_met(&self, along: &Vector) -> usize {
+        let at = |by: f64| self.arguments_at(&along.map(|x| by * x)).0;
+        let step = STRAIN * self.size;
+        let way = |k: usize| {
+            let by = root(step, |by| at(by).get(k).copied())?;
+            let [here, ahead] = [by, by + step].map(|by| at(by).get(k).copied());
+            (ahead? > here?).then_some(by)
+        };
+        let n = at(0.0).len();
+        if n < 2 {
+            return 0;
+        }
+        let ways = (0..n).filter_map(|k| Some((way(k)?, k)));
+        ways.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, k)| k)
     }
 
     /// The force on the first body where it has moved by so much, without slip in the step.
@@ -100,16 +131,17 @@ impl Place<'_> {
 
     /// The argument of contact where the first body has moved by so much, and whether there is friction, too.
     fn projection_at(&self, moved: &Vector) -> (Option<f64>, bool) {
+        let (found, has_ball) = self.arguments_at(moved);
+        (found.get(self.law).copied(), has_ball)
+    }
+
+    /// The arguments of all half lines that act where the first body has moved by so much, and whether there is friction, too.
+    fn arguments_at(&self, moved: &Vector) -> (Vec<f64>, bool) {
         let mut state = self.rest();
         state.bodies[0] = Motion { value: *moved, before: *moved, ..Motion::default() };
-        let (mut found, mut has_ball) = (None, false);
-        self.projections(&state, |p, out| {
-            has_ball |= p.kind == ProjectionKind::Ball;
-            if p.kind == ProjectionKind::HalfLine && p.n == 1 && p.acts {
-                found.get_or_insert(out[p.output]);
-            }
-        });
-        (found, has_ball)
+        let mut has_ball = false;
+        self.projections(&state, |p, _| has_ball |= p.kind == ProjectionKind::Ball);
+        (self.contact_arguments(&state), has_ball)
     }
 
     /// The derivative of the argument of contact in the displacement of the first body at an overlap, where there is
