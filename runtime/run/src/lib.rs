@@ -22,6 +22,7 @@ mod files;
 mod findings;
 mod folder;
 mod friction;
+mod gained;
 mod growth;
 mod integrators;
 mod judged;

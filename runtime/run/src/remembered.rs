@@ -4,11 +4,13 @@
 use std::ops::Range;
 
 use wfl_discrete::rates::{MOST_ORDER, Scheme};
+use wfl_host::team::Team;
 use wfl_newton::{DEFAULT_TOLERANCE, StepHistory};
 use wfl_problem::{Auto, Scene, Solving};
 
 use super::{
     control::{Chosen, Control, Errors},
+    gained::Gained,
     past::{Past, distance},
 };
 
@@ -61,6 +63,8 @@ pub(super) struct Adaptive {
     /// The relative residuals that Newton's method has left of the solutions in `past`, in their order.
     pub(super) left: Vec<f64>,
     pub(super) uncertainty: Uncertainty,
+    /// Of a scene in which displacements alone say too little of the error of a step.
+    pub(super) gained: Option<Gained>,
 }
 
 impl Adaptive {
@@ -71,6 +75,7 @@ impl Adaptive {
             scales: vec![0.0; rules.fields.len()],
             left: Vec::new(),
             uncertainty: Uncertainty::default(),
+            gained: None,
         }
     }
 
@@ -91,6 +96,13 @@ impl Adaptive {
         }
         scene.system.team().max(&mut self.scales);
         self.past.add(increment, solution, most_order(scene) + 1);
+    }
+
+    /// The same with the rows of all ranks, made by all together.
+    pub(super) fn of_all(&self, team: &dyn Team) -> Self {
+        let mut all = self.clone();
+        all.gained.iter_mut().for_each(|gained| gained.balance = gained.balance.of_all(team));
+        all
     }
 
     /// Takes what Newton's method has left of the solution that [`Self::add`] takes next.
