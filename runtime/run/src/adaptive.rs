@@ -18,6 +18,7 @@ use super::{
     Attempt, AttemptEnd, Path,
     control::{Control, Matrix},
     gained::Gained,
+    lagging::lag,
     remembered::{Adaptive, joined},
     requests::StepRequest,
     stepping::{Integrator, Making, Reached, StepError, Stepper, Target},
@@ -38,6 +39,9 @@ const SINGULAR_AT_FIRST: usize = 2;
 /// The order with which energy is gained or lost: where contact begins within a step that grows as the square of its length, in the
 /// damping of BDF2 as the fourth power.
 const OF_ENERGY: usize = 2;
+
+/// The order of a method whose error grows as the square of the length of a step, as that of a lag counts.
+const OF_LAG: usize = 1;
 
 /// How an attempt at a step ended.
 enum Tried {
@@ -159,6 +163,9 @@ impl Adaptive {
             let own = self.uncertain(scene, rules, &own);
             errors = self.errors(scene, rules, increment, &solution, &own);
             self.uncertainty.explains = errors.is_some_and(|e| e.largest() < found);
+        }
+        if let Some((errors, lag)) = errors.as_mut().zip(lag(stepper, scene, u)) {
+            errors.count(self.of_lag(scene, rules, u, &lag), OF_LAG);
         }
         let held = errors.map_or(0.0, |e| e.largest());
         let behind = match self.gained.as_ref().map(|gained| gained.behind(scene, &end)).transpose() {

@@ -27,6 +27,7 @@ mod growth;
 mod integrators;
 mod judged;
 mod keeping;
+mod lagging;
 mod leaving;
 mod memory;
 mod options;
