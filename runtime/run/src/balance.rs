@@ -181,7 +181,7 @@ pub(super) fn change_of_moving(system: &System, u: &[f64], before: &[f64]) -> Ve
 }
 
 /// The dofs of fields with second rates.
-fn moving(rates: Option<&Rates>) -> Vec<Range<usize>> {
+pub(super) fn moving(rates: Option<&Rates>) -> Vec<Range<usize>> {
     let fields = rates.into_iter().flat_map(Rates::fields);
     fields.filter(|of| of.form == RateForm::Second).map(|of| of.dofs.clone()).collect()
 }

@@ -10,7 +10,7 @@
 //!
 //! Promises: equations and rates are left as they were. Scenes without second rates, without terms that are not linear, and
 //! those in which such a term reads a multiplier have none: a rigid contact stops the mass of its nodes within any step,
-//! however short.
+//! however short. Nor have those of backward Euler and of explicit steps, which gain none and which nothing shortens.
 
 use wfl_compiler::{Class, types::RateForm};
 use wfl_discrete::{
@@ -19,13 +19,17 @@ use wfl_discrete::{
     system::{FIXED, System},
     window::Window,
 };
-use wfl_newton::NewtonError;
+use wfl_newton::{DEFAULT_TOLERANCE, NewtonError};
 use wfl_problem::Solving;
 
 use super::{
-    balance::{Balance, Kinds, change_of_moving},
+    balance::{Balance, Kinds, change_of_moving, moving},
     rates,
 };
+
+/// The part of the displacements that a step is known to: what Newton's method leaves. A body at rest has the kinetic energy of
+/// less than that, and none of its steps is too long for it.
+const KNOWN: f64 = DEFAULT_TOLERANCE;
 
 /// Energies at the end of the last step.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -77,13 +81,19 @@ impl Gained {
         Ok((Self { balance, largest }, part))
     }
 
-    /// The work of the forces of the last step on the way to `u`, without signs.
+    /// The work of the forces of the last step on the way to `u`, without signs. A way is known to a part of the displacements.
     fn work_of_each(&self, system: &System, now: &Balance, u: &[f64]) -> f64 {
         let Some(past) = system.past() else { return 0.0 };
-        let change = change_of_moving(system, u, &past.unknowns);
+        let mut way = vec![0.0; u.len()];
+        for dofs in moving(system.rates()) {
+            let most = system.team().largest(u[dofs.clone()].iter().fold(0.0f64, |most, x| most.max(x.abs())));
+            for d in dofs {
+                way[d] = (u[d] - past.unknowns[d]).abs() + KNOWN * most;
+            }
+        }
         let of = |(before, now): (&Vec<f64>, &Vec<f64>)| -> f64 {
-            let forces = before.iter().zip(now).zip(&change);
-            forces.map(|((a, b), change)| 0.5 * (a.abs() + b.abs()) * change.abs()).sum()
+            let forces = before.iter().zip(now).zip(&way);
+            forces.map(|((a, b), way)| 0.5 * (a.abs() + b.abs()) * way).sum()
         };
         system.team().total(self.balance.forces.iter().zip(&now.forces).map(of).sum())
     }
@@ -91,11 +101,7 @@ impl Gained {
 
 /// Whether a scheme gives up an order to damp motion: what it takes is no error of a step.
 fn damps_on_purpose(scheme: Scheme) -> bool {
-    match scheme {
-        Scheme::BackwardEuler => true,
-        Scheme::Newmark { gamma, .. } => gamma > 0.5,
-        _ => false,
-    }
+    matches!(scheme, Scheme::Newmark { gamma, .. } if gamma > 0.5)
 }
 
 /// Whether a term is one whose work is more than that of the mean of its forces at the ends of a step.
@@ -106,7 +112,8 @@ fn bends(term: &AssembledTerm, rates: &Rates) -> bool {
 
 /// Whether displacements alone say too little of a step.
 fn is_needed(system: &System) -> bool {
-    let Some(rates) = system.rates().filter(|rates| rates.scheme() != Scheme::Explicit) else { return false };
+    let judged = |rates: &&Rates| !matches!(rates.scheme(), Scheme::Explicit | Scheme::BackwardEuler);
+    let Some(rates) = system.rates().filter(judged) else { return false };
     let has_rates = |field: usize| rates.fields().iter().any(|of| of.field == field);
     let is_soft = |term: &&AssembledTerm| term.law.trials.iter().all(|slot| has_rates(slot.field.index()));
     let mut bent = system.terms.iter().filter(|term| bends(term, rates)).peekable();

@@ -535,7 +535,8 @@ pages! {
          show which it is: the error of the steps falls with their length, a sign or a law that is wrong does not. The balance of a \
          step closes for every law, also for a contact that begins and ends within a few steps and throws the body back \
          faster than it came: a contact without friction that has taken up, or given, energy between two times without \
-         force is told, too, and one with friction that has given some.",
+         force is told, too, and one with friction that has given some. That is seen of contact that is a term of its own: one that \
+         shares its term with a weight or a stress is never without force.",
         "steps t = 0 to 1 by 0.5\nterm inertia on all : Dot2_u.Test_u\nstart Dot_u = [x,0,0]\n\
          scheme backward_euler energy",
         "steps t = 0 to 1 by 0.5\nterm inertia on all : Dot2_u.Test_u\nstart Dot_u = [x,0,0]\n\
