@@ -51,14 +51,17 @@ pub(super) enum Kinds {
 }
 
 impl Kinds {
-    /// How many there are beside the loads, and by term which one it is of: that number for what is none of them.
-    fn of_terms(self, scene: &Scene, system: &System) -> (usize, Vec<usize>) {
+    /// Those of all terms.
+    fn of_terms(self, scene: &Scene, system: &System) -> KindsOfTerms {
         let names: &[String] = scene.energy.as_ref().map_or(&[], |e| &e.terms);
         let named = |law: &TermLaw| names.iter().position(|name| Energy::is_of(name, &law.name));
         let laws = system.terms.iter().map(|term| &term.law);
         match self {
-            Self::Named => (names.len(), laws.map(|law| named(law).unwrap_or(names.len())).collect()),
-            Self::Linear => (2, laws.map(|law| Self::by_class(law.class)).collect()),
+            Self::Named => {
+                let by_term = laws.map(|law| named(law).unwrap_or(names.len())).collect();
+                KindsOfTerms { count: names.len(), by_term }
+            }
+            Self::Linear => KindsOfTerms { count: 2, by_term: laws.map(|law| Self::by_class(law.class)).collect() },
         }
     }
 
@@ -69,6 +72,14 @@ impl Kinds {
             Class::Constant => 2,
         }
     }
+}
+
+/// Which forces are told apart.
+struct KindsOfTerms {
+    /// How many kinds there are beside the loads.
+    count: usize,
+    /// By term its kind; `count` for what is none of them.
+    by_term: Vec<usize>,
 }
 
 /// Forces at a state, as [`Balance`] keeps them, and the kinetic energy.
@@ -194,15 +205,18 @@ fn has_inertia(term: &AssembledTerm) -> bool {
 fn forces(kinds: Kinds, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<Forces, NewtonError> {
     let Solving { system, scene, .. } = scene;
     let kinds = kinds.of_terms(scene, system);
-    system.with_other_rates(window, |system| forces_at_end(scene, system, (window, u), kinds))
+    system.with_other_rates(window, |system| forces_at_end(scene, system, &kinds, At { window, u }))
 }
 
-fn forces_at_end(
-    scene: &Scene,
-    system: &mut System,
-    (window, u): (Window, &[f64]),
-    (n_kinds, kinds): (usize, Vec<usize>),
-) -> Result<Forces, NewtonError> {
+/// A state and the step that it is the end of.
+#[derive(Clone, Copy)]
+struct At<'a> {
+    window: Window,
+    u: &'a [f64],
+}
+
+fn forces_at_end(scene: &Scene, system: &mut System, kinds: &KindsOfTerms, at: At<'_>) -> Result<Forces, NewtonError> {
+    let At { window, u } = at;
     let Scene { explicit, .. } = scene;
     let zero = vec![0.0; u.len()];
     let past = system.past().map_or(u, |past| &past.unknowns);
@@ -215,12 +229,12 @@ fn forces_at_end(
     // without accelerations a term with inertia gives what else stands in it
     take(system.rates_mut(), &zero);
     system.set_laws(window);
-    let mut by_term = vec![zero.clone(); n_kinds + 1];
+    let mut by_term = vec![zero.clone(); kinds.count + 1];
     let (mut total, mut inertia) = (zero.clone(), zero.clone());
     for k in 0..system.terms.len() {
         let mut force = zero.clone();
         system.term_residual(k, u, &mut force)?;
-        by_term[kinds[k]].iter_mut().zip(&force).for_each(|(a, b)| *a += b);
+        by_term[kinds.by_term[k]].iter_mut().zip(&force).for_each(|(a, b)| *a += b);
         total.iter_mut().zip(&force).for_each(|(a, b)| *a += b);
         if has_inertia(&system.terms[k]) {
             inertia.iter_mut().zip(&force).for_each(|(a, b)| *a += b);

@@ -42,7 +42,7 @@ pub(super) struct Gained {
 impl Gained {
     /// Those where time starts, or the run goes on, at `u`; `None` for a scene that needs none.
     pub(super) fn start(scene: &mut Solving<'_>, at: Window, u: &[f64]) -> Result<Option<Self>, NewtonError> {
-        if !is_needed(&scene.system) {
+        if !is_needed(scene.system) {
             return Ok(None);
         }
         let balance = Balance::start(Kinds::Linear, scene, at, u)?;
@@ -69,14 +69,14 @@ impl Gained {
     fn behind_end(&self, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<(Self, f64), NewtonError> {
         let mut balance = self.balance.clone();
         balance.add(Kinds::Linear, scene, window, u)?;
-        let bent = work_of_bends(&mut scene.system, window, u)?;
+        let bent = work_of_bends(scene.system, window, u)?;
         let lost = balance.lost() - self.balance.lost() - bent;
         let is_meant = scene.system.rates().is_some_and(|rates| damps_on_purpose(rates.scheme()));
         let gained = if is_meant { bent.abs().max(-lost) } else { lost.abs() };
         let taken_up = balance.works.iter().take(2).fold(0.0f64, |most, work| most.max(work.abs()));
         let largest = self.largest.max(balance.kinetic[1]).max(taken_up);
         // of forces that cancel, and of the noise of a body at rest, no more is known than a part of what they do each
-        let each = self.work_of_each(&scene.system, &balance, u);
+        let each = self.work_of_each(scene.system, &balance, u);
         let part = if gained == 0.0 { 0.0 } else { gained / largest.max(each) };
         Ok((Self { balance, largest }, part))
     }

@@ -32,7 +32,7 @@ pub(super) fn lag(stepper: &mut Stepper, scene: &mut Solving<'_>, u: &[f64]) -> 
     if terms.is_empty() {
         return None;
     }
-    let before = forces(&scene.system, &terms, u).ok()?;
+    let before = forces(scene.system, &terms, u).ok()?;
     let moved = |now: &[f64], next: &[f64]| now.iter().zip(next).map(|(a, b)| a + MOVED * (b - a)).collect::<Vec<_>>();
     let states = scene.scene.states.iter().zip(&stepper.next_states);
     let changed: Vec<(usize, Vec<f64>)> =

@@ -550,7 +550,8 @@ pages! {
          of length h. It is computed again during the run where a scene is not linear: when the branches of contact first change, and \
          later for a tenth of the time of the steps. The results behind that are wrong, also where contact keeps them \
          finite. Steps of more than 0.95 of a limit that has fallen are told, too: each side of a kink is stable then, but \
-         contact that opens and closes gains energy, and the balance of energy does not show it. Take a smaller `fraction`, \
+         contact that opens and closes gains energy, and the balance of energy does not show it. Where contact lowers the limit by a \
+         fifth, steps of more than 0.8 of the lower one are told for that, from the start on. Take a smaller `fraction`, \
          or steps below the limit that the message has.",
         "mesh box [0] to [1] cells [4] segment\nregion wall = faces where x == 0\nunknown u : scalar\n\
          start u = 0.1\nstart Dot_u = -1\nterm inertia on all : Dot2_u*Test_u\n\
