@@ -88,6 +88,46 @@ output vtk "u" : u
     goes_on_to_the_same_bytes(&folder, &scene, 50);
 }
 
+/// Those of a body that bounces depend on its energies, too, and those of one that wears on how far it is behind.
+#[test]
+fn a_run_whose_steps_are_judged_by_energy_and_lag_goes_on_to_the_same_bytes() {
+    let energy = r#"wfl 1
+mesh box [0] to [10] cells [20] segment
+region wall = faces where x == 0
+unknown u : scalar
+start Dot_u = -10
+start u = 1
+term inertia on all : Dot2_u*Test_u
+term stress on all : 900*Grad_u.Grad_Test_u
+term contact on wall : -1e4*pos_part(-u)*Test_u
+scheme SCHEME
+steps t = 0 to 1 by auto with error=1e-3, first=1e-3
+measure m = mean(u) on all
+output vtk "u" every 2 : u
+"#;
+    let lag = r#"wfl 1
+mesh box [0] to [1] cells [40] segment
+region floor = faces where x == 0
+region top = faces where x == 1
+unknown u : scalar
+def press = 1e6*pos_part(-u - Previous_depth)
+state depth : scalar on floor := Previous_depth + 1e-2*press*timestep
+term body on all : 1e3*Grad_u.Grad_Test_u
+term contact on floor : -press*Test_u
+load u = -5*(1 + t) on top
+steps t = 0 to 10 by auto with error=1e-3
+measure m = mean(u) on all
+output vtk "u" every 2 : u
+"#;
+    let of = |scheme: &str| energy.replace("SCHEME", scheme);
+    for (name, text) in [("bar", of("bdf2")), ("alpha", of("generalised_alpha")), ("pin", lag.to_owned())] {
+        let folder = Folder::new(&format!("killed-auto-{name}"));
+        let scene = folder.0.join("judged.wfl");
+        std::fs::write(&scene, text).expect("writable");
+        goes_on_to_the_same_bytes(&folder, &scene, 20);
+    }
+}
+
 /// Levels of multigrid are made of the tangents of a step, and kept in it.
 #[test]
 #[cfg_attr(debug_assertions, ignore = "slow: release suite")]

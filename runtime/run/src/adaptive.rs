@@ -17,6 +17,8 @@ use wfl_problem::{Scene, Solving, TablesOf};
 use super::{
     Attempt, AttemptEnd, Path,
     control::{Control, Matrix},
+    gained::Gained,
+    lagging::lag,
     remembered::{Adaptive, joined},
     requests::StepRequest,
     stepping::{Integrator, Making, Reached, StepError, Stepper, Target},
@@ -33,6 +35,13 @@ const SHORTER: usize = 4;
 /// shorter step. Two where nothing was solved yet.
 const SINGULAR: usize = 4;
 const SINGULAR_AT_FIRST: usize = 2;
+
+/// The order with which energy is gained or lost: where contact begins within a step that grows as the square of its length, in the
+/// damping of BDF2 as the fourth power.
+const OF_ENERGY: usize = 2;
+
+/// The order of a method whose error grows as the square of the length of a step, as that of a lag counts.
+const OF_LAG: usize = 1;
 
 /// How an attempt at a step ended.
 enum Tried {
@@ -53,6 +62,9 @@ impl Integrator for Adaptive {
         if tables.corners.contains(&at) {
             self.turn(rules);
             scene.system.rates_mut().into_iter().for_each(Rates::turn);
+        }
+        if self.gained.is_none() {
+            self.gained = Gained::start(scene, Window::instant(at), u)?;
         }
         let before = stepper.snapshot(scene, u);
         let (mut attempts, mut guess, mut fruitless, mut singular) = (Vec::new(), true, 0, 0);
@@ -124,7 +136,7 @@ impl Adaptive {
     fn judge(
         &mut self,
         stepper: &mut Stepper,
-        scene: &Solving<'_>,
+        scene: &mut Solving<'_>,
         increment: f64,
         result: Result<StepHistory, StepError>,
         u: &[f64],
@@ -133,7 +145,7 @@ impl Adaptive {
             Ok(history) if history.converged() => history,
             nothing => return Tried::Nothing(nothing, u.to_vec()),
         };
-        let rules = scene.steps.auto.as_ref().expect("steps that the run chooses");
+        let rules = scene.scene.steps.auto.as_ref().expect("steps that the run chooses");
         let mut end = u.to_vec();
         if let (Some(rates), Some(past)) = (scene.system.rates(), scene.system.past()) {
             rates.extrapolate(&mut end, &past.unknowns);
@@ -152,7 +164,17 @@ impl Adaptive {
             errors = self.errors(scene, rules, increment, &solution, &own);
             self.uncertainty.explains = errors.is_some_and(|e| e.largest() < found);
         }
+        if let Some((errors, lag)) = errors.as_mut().zip(lag(stepper, scene, u)) {
+            errors.count(self.of_lag(scene, rules, u, &lag), OF_LAG);
+        }
         let held = errors.map_or(0.0, |e| e.largest());
+        let behind = match self.gained.as_ref().map(|gained| gained.behind(scene, &end)).transpose() {
+            Ok(behind) => behind,
+            // between two states there may be none for a law: a logarithm of what is negative there
+            Err(error) => return Tried::Nothing(Err(error.into()), u.to_vec()),
+        };
+        let part = behind.as_ref().map_or(0.0, |(_, part)| *part);
+        errors.iter_mut().for_each(|errors| errors.count(part / rules.error, OF_ENERGY));
         let least = Control::is_least(rules, scene.system.step().start(), increment);
         let matrix = if scene.system.bulk_follows_steps() { Matrix::Kept } else { Matrix::New };
         // an error that is no number is too large
@@ -166,6 +188,7 @@ impl Adaptive {
                 self.control.accept(increment, errors, matrix);
                 self.uncertainty.taken(held);
                 self.leave(scene, &history);
+                self.gained = behind.map(|(gained, _)| gained);
                 Tried::Accepted(history, too_large.map(|e| e.largest()))
             }
         }

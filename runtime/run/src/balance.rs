@@ -8,7 +8,10 @@
 
 use std::ops::Range;
 
-use wfl_compiler::types::{InputSlot, RateForm, RateOrder};
+use wfl_compiler::{
+    Class, TermLaw,
+    types::{InputSlot, RateForm, RateOrder},
+};
 use wfl_discrete::{
     assemble::AssembledTerm,
     lumped::Lumped,
@@ -38,6 +41,47 @@ pub(super) struct Balance {
     pub(super) free: Vec<Vec<f64>>,
 }
 
+/// How a balance tells forces apart.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kinds {
+    /// By the names of [`Energy::terms`].
+    Named,
+    /// Those of linear terms, and those of terms that are neither linear nor loads.
+    Linear,
+}
+
+impl Kinds {
+    /// Those of all terms.
+    fn of_terms(self, scene: &Scene, system: &System) -> KindsOfTerms {
+        let names: &[String] = scene.energy.as_ref().map_or(&[], |e| &e.terms);
+        let named = |law: &TermLaw| names.iter().position(|name| Energy::is_of(name, &law.name));
+        let laws = system.terms.iter().map(|term| &term.law);
+        match self {
+            Self::Named => {
+                let by_term = laws.map(|law| named(law).unwrap_or(names.len())).collect();
+                KindsOfTerms { count: names.len(), by_term }
+            }
+            Self::Linear => KindsOfTerms { count: 2, by_term: laws.map(|law| Self::by_class(law.class)).collect() },
+        }
+    }
+
+    fn by_class(class: Class) -> usize {
+        match class {
+            Class::Linear => 0,
+            Class::Nonlinear | Class::Kinked => 1,
+            Class::Constant => 2,
+        }
+    }
+}
+
+/// Which forces are told apart.
+struct KindsOfTerms {
+    /// How many kinds there are beside the loads.
+    count: usize,
+    /// By term its kind; `count` for what is none of them.
+    by_term: Vec<usize>,
+}
+
 /// Forces at a state, as [`Balance`] keeps them, and the kinetic energy.
 struct Forces {
     by_term: Vec<Vec<f64>>,
@@ -47,8 +91,8 @@ struct Forces {
 
 impl Balance {
     /// The state where time starts.
-    pub(super) fn start(scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<Self, NewtonError> {
-        let Forces { by_term, total, kinetic } = forces(scene, window, u)?;
+    pub(super) fn start(kinds: Kinds, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<Self, NewtonError> {
+        let Forces { by_term, total, kinetic } = forces(kinds, scene, window, u)?;
         let works = vec![0.0; by_term.len()];
         let free = vec![Vec::new(); by_term.len()];
         let mut start = Self { kinetic: [kinetic; 2], works, prescribed: 0.0, forces: by_term, total, free };
@@ -96,14 +140,17 @@ impl Balance {
     }
 
     /// Adds a step that has ended at `u`; its start is the past of the scene.
-    pub(super) fn add(&mut self, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<(), NewtonError> {
-        let Forces { by_term, total, kinetic } = forces(scene, window, u)?;
+    pub(super) fn add(
+        &mut self,
+        kinds: Kinds,
+        scene: &mut Solving<'_>,
+        window: Window,
+        u: &[f64],
+    ) -> Result<(), NewtonError> {
+        let Forces { by_term, total, kinetic } = forces(kinds, scene, window, u)?;
         let system = &scene.system;
         let Some(past) = system.past() else { return Ok(()) };
-        let mut change = vec![0.0; u.len()];
-        for d in moving(system.rates()).into_iter().flatten() {
-            change[d] = u[d] - past.unknowns[d];
-        }
+        let mut change = change_of_moving(system, u, &past.unknowns);
         let mean = |a: &[f64], b: &[f64], d: usize| 0.5 * (a[d] + b[d]);
         for ((work, before), now) in self.works.iter_mut().zip(&self.forces).zip(&by_term) {
             *work += system.team().total((0..u.len()).map(|d| mean(before, now, d) * change[d]).sum());
@@ -115,6 +162,12 @@ impl Balance {
         (self.forces, self.total, self.kinetic[1]) = (by_term, total, kinetic);
         self.keep_free(system.team());
         Ok(())
+    }
+
+    /// What was lost since the start: loads and supports gave it, and neither the terms nor the motion have it.
+    pub(super) fn lost(&self) -> f64 {
+        let work: f64 = self.works.iter().sum();
+        self.prescribed - work - (self.kinetic[1] - self.kinetic[0])
     }
 
     /// What is reported, in the order of [`Energy::measures`].
@@ -129,8 +182,17 @@ impl Balance {
     }
 }
 
+/// By dof the change over a step of the unknowns with second rates; zero for others.
+pub(super) fn change_of_moving(system: &System, u: &[f64], before: &[f64]) -> Vec<f64> {
+    let mut change = vec![0.0; u.len()];
+    for d in moving(system.rates()).into_iter().flatten() {
+        change[d] = u[d] - before[d];
+    }
+    change
+}
+
 /// The dofs of fields with second rates.
-fn moving(rates: Option<&Rates>) -> Vec<Range<usize>> {
+pub(super) fn moving(rates: Option<&Rates>) -> Vec<Range<usize>> {
     let fields = rates.into_iter().flat_map(Rates::fields);
     fields.filter(|of| of.form == RateForm::Second).map(|of| of.dofs.clone()).collect()
 }
@@ -140,14 +202,22 @@ fn has_inertia(term: &AssembledTerm) -> bool {
 }
 
 /// Forces and kinetic energy at the end `u` of a step, with the rates there.
-fn forces(scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<Forces, NewtonError> {
+fn forces(kinds: Kinds, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<Forces, NewtonError> {
     let Solving { system, scene, .. } = scene;
-    system.with_other_rates(window, |system| forces_at_end(scene, system, window, u))
+    let kinds = kinds.of_terms(scene, system);
+    system.with_other_rates(window, |system| forces_at_end(scene, system, &kinds, At { window, u }))
 }
 
-fn forces_at_end(scene: &Scene, system: &mut System, window: Window, u: &[f64]) -> Result<Forces, NewtonError> {
-    let Scene { explicit, energy, .. } = scene;
-    let names: &[String] = energy.as_ref().map_or(&[], |e| &e.terms);
+/// A state and the step that it is the end of.
+#[derive(Clone, Copy)]
+struct At<'a> {
+    window: Window,
+    u: &'a [f64],
+}
+
+fn forces_at_end(scene: &Scene, system: &mut System, kinds: &KindsOfTerms, at: At<'_>) -> Result<Forces, NewtonError> {
+    let At { window, u } = at;
+    let Scene { explicit, .. } = scene;
     let zero = vec![0.0; u.len()];
     let past = system.past().map_or(u, |past| &past.unknowns);
     let [first, second] = system.rates().map_or([zero.clone(), zero.clone()], |r| r.ended(u, past));
@@ -159,13 +229,12 @@ fn forces_at_end(scene: &Scene, system: &mut System, window: Window, u: &[f64]) 
     // without accelerations a term with inertia gives what else stands in it
     take(system.rates_mut(), &zero);
     system.set_laws(window);
-    let mut by_term = vec![zero.clone(); names.len() + 1];
+    let mut by_term = vec![zero.clone(); kinds.count + 1];
     let (mut total, mut inertia) = (zero.clone(), zero.clone());
     for k in 0..system.terms.len() {
         let mut force = zero.clone();
         system.term_residual(k, u, &mut force)?;
-        let place = names.iter().position(|name| Energy::is_of(name, &system.terms[k].law.name)).unwrap_or(names.len());
-        by_term[place].iter_mut().zip(&force).for_each(|(a, b)| *a += b);
+        by_term[kinds.by_term[k]].iter_mut().zip(&force).for_each(|(a, b)| *a += b);
         total.iter_mut().zip(&force).for_each(|(a, b)| *a += b);
         if has_inertia(&system.terms[k]) {
             inertia.iter_mut().zip(&force).for_each(|(a, b)| *a += b);

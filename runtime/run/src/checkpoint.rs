@@ -30,6 +30,7 @@ use super::{
     Clock, Run, RunError, RunState, StepResult,
     balance::Balance,
     control::Control,
+    gained::Gained,
     memory::Memory,
     past::Past,
     remembered::{Adaptive, Uncertainty},
@@ -42,7 +43,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 26;
+const FORMAT: u64 = 27;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -436,6 +437,8 @@ fn adaptive(w: &mut Writer, a: Option<&Adaptive>) {
     w.numbers(&a.past.increments);
     w.count(a.past.solutions.len());
     a.past.solutions.iter().for_each(|s| w.numbers(s));
+    balance(w, a.gained.as_ref().map(|gained| &gained.balance));
+    w.numbers(&[a.gained.as_ref().map_or(0.0, |gained| gained.largest)]);
 }
 
 fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
@@ -447,7 +450,10 @@ fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
     let (scales, left) = (r.numbers()?, r.numbers()?);
     let uncertainty = Uncertainty { sizes: r.numbers()?, held: r.count()?, explains: r.flag()? };
     let past = Past { increments: r.numbers()?, solutions: r.list(Reader::numbers)? };
-    Ok(Some(Adaptive { control, past, scales, left, uncertainty }))
+    let balance = read_balance(r)?;
+    let [largest] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
+    let gained = balance.map(|balance| Gained { balance, largest });
+    Ok(Some(Adaptive { control, past, scales, left, uncertainty, gained }))
 }
 
 fn balance(w: &mut Writer, b: Option<&Balance>) {

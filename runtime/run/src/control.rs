@@ -76,6 +76,12 @@ impl Errors {
         self.by_order.iter().fold(of_step, |most, e| if most.is_nan() || most > *e { most } else { *e })
     }
 
+    /// Takes another error, of what is integrated with this order.
+    pub(super) fn count(&mut self, error: f64, order: usize) {
+        let largest = &mut self.by_order[order - 1];
+        *largest = if largest.is_nan() || *largest > error { *largest } else { error };
+    }
+
     /// The order of the next step, that which allows the longest one, and what the increment may be multiplied by for the
     /// demanded error. Zero-stability limits the growth of increments by the order: that counts in the choice alone.
     fn next(&self, order: u32, behind: Tried) -> (u32, f64) {

@@ -11,7 +11,13 @@ use wfl_discrete::window::Window;
 use wfl_newton::NewtonError;
 use wfl_problem::{Energy, Solving};
 
-use super::{balance::Balance, ended::Ended, rates, stepping::Stepper, trajectory::Passed};
+use super::{
+    balance::{Balance, Kinds},
+    ended::Ended,
+    rates,
+    stepping::Stepper,
+    trajectory::Passed,
+};
 
 impl Stepper {
     /// Renews states and moves `u` to the end of the step. The forces of the balance are those of the equations, so with the
@@ -49,9 +55,9 @@ impl Stepper {
             return Ok(());
         }
         match &mut self.balance {
-            Some(balance) => balance.add(scene, window, u),
+            Some(balance) => balance.add(Kinds::Named, scene, window, u),
             none => {
-                *none = Some(Balance::start(scene, window, u)?);
+                *none = Some(Balance::start(Kinds::Named, scene, window, u)?);
                 Ok(())
             }
         }

@@ -4,11 +4,13 @@
 use std::ops::Range;
 
 use wfl_discrete::rates::{MOST_ORDER, Scheme};
+use wfl_host::team::Team;
 use wfl_newton::{DEFAULT_TOLERANCE, StepHistory};
 use wfl_problem::{Auto, Scene, Solving};
 
 use super::{
     control::{Chosen, Control, Errors},
+    gained::Gained,
     past::{Past, distance},
 };
 
@@ -61,6 +63,8 @@ pub(super) struct Adaptive {
     /// The relative residuals that Newton's method has left of the solutions in `past`, in their order.
     pub(super) left: Vec<f64>,
     pub(super) uncertainty: Uncertainty,
+    /// Of a scene in which displacements alone say too little of the error of a step.
+    pub(super) gained: Option<Gained>,
 }
 
 impl Adaptive {
@@ -71,6 +75,7 @@ impl Adaptive {
             scales: vec![0.0; rules.fields.len()],
             left: Vec::new(),
             uncertainty: Uncertainty::default(),
+            gained: None,
         }
     }
 
@@ -91,6 +96,13 @@ impl Adaptive {
         }
         scene.system.team().max(&mut self.scales);
         self.past.add(increment, solution, most_order(scene) + 1);
+    }
+
+    /// The same with the rows of all ranks, made by all together.
+    pub(super) fn of_all(&self, team: &dyn Team) -> Self {
+        let mut all = self.clone();
+        all.gained.iter_mut().for_each(|gained| gained.balance = gained.balance.of_all(team));
+        all
     }
 
     /// Takes what Newton's method has left of the solution that [`Self::add`] takes next.
@@ -169,6 +181,29 @@ impl Adaptive {
             }
         }
         Some(errors)
+    }
+
+    /// The error of unknowns `u` that lag behind the states by `lag`, both by dof, relative to the demanded one: that of every
+    /// unknown, since a lag needs no past of its own.
+    ///
+    /// It is there at the end of every step and does not add up, as the errors of steps do: those of a method of first order, each
+    /// of the demanded size, add up to about the root of it. So much unknowns may lag.
+    pub(super) fn of_lag(&self, scene: &Solving<'_>, rules: &Auto, u: &[f64], lag: &[f64]) -> f64 {
+        let system = &scene.system;
+        let states = || std::iter::once(u).chain(self.past.solutions.iter().map(Vec::as_slice));
+        let most = |of: &[f64]| of.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+        let fields: Vec<usize> = (0..system.fields.len()).filter(|field| system.range(*field).is_some()).collect();
+        let range = |field: usize| system.range(field).unwrap_or_default();
+        let mut sizes: Vec<f64> =
+            fields.iter().map(|field| states().fold(0.0f64, |size, u| size.max(most(&u[range(*field)])))).collect();
+        let mut lags: Vec<f64> = fields.iter().map(|field| most(&lag[range(*field)])).collect();
+        [&mut sizes, &mut lags].into_iter().for_each(|numbers| system.team().max(numbers));
+        let part = |(field, lag): (&usize, &f64)| {
+            let alike = fields.iter().zip(&sizes).filter(|(other, _)| system.alike(**other) == system.alike(*field));
+            let size = alike.fold(0.0f64, |most, (_, size)| most.max(*size));
+            if *lag == 0.0 { 0.0 } else { lag / size }
+        };
+        fields.iter().zip(&lags).map(part).fold(0.0, f64::max).powi(2) / rules.error
     }
 
     /// By field that counts the largest value that it has had, or one of the same unit and size: a body at rest that another

@@ -63,7 +63,7 @@ impl Run {
             solver: stepper.solver.as_ref().map(LinearSolver::memory).unwrap_or_default(),
             level,
             easy,
-            adaptive: integrators.adaptive.clone(),
+            adaptive: integrators.adaptive.as_ref().map(|adaptive| adaptive.of_all(scene.system.team())),
             balance: stepper.balance.as_ref().map(|balance| balance.of_all(scene.system.team())),
             friction: stepper.friction.as_ref().map(|friction| friction.memory.clone()),
         }
@@ -81,7 +81,7 @@ impl Run {
         window: Window,
         progress: &mut dyn Progress,
     ) -> Result<bool, NewtonError> {
-        let State { u, memory, rates, solver, level, easy, adaptive, mut balance, friction } = state;
+        let State { u, memory, rates, solver, level, easy, mut adaptive, mut balance, friction } = state;
         if u.len() != self.u.len() || scene.system.rates_mut().is_some_and(|own| !own.recall(&rates)) {
             return Ok(false);
         }
@@ -108,7 +108,9 @@ impl Run {
         if let Some((own, memory)) = self.stepper.friction.as_mut().zip(friction) {
             own.memory = memory;
         }
-        balance.iter_mut().for_each(|balance| balance.keep_own(scene.system));
+        let gained =
+            adaptive.iter_mut().filter_map(|adaptive| adaptive.gained.as_mut()).map(|gained| &mut gained.balance);
+        balance.iter_mut().chain(gained).for_each(|balance| balance.keep_own(scene.system));
         self.stepper.balance = balance;
         (self.integrators.adaptive, self.integrators.listed) = (adaptive, Listed { level, easy });
         self.u = u;

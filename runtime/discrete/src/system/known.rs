@@ -86,6 +86,25 @@ impl System {
         self.known.data[field] = values;
     }
 
+    /// Looks at the equations with other values of some of these fields, now and at the end of the previous step. Afterwards these
+    /// are as they were.
+    pub fn with_data<T>(&mut self, values: &[(usize, Vec<f64>)], look: impl FnOnce(&Self) -> T) -> T {
+        let mut before = Vec::with_capacity(values.len());
+        for (field, values) in values {
+            let past =
+                self.known.previous.as_mut().map(|past| std::mem::replace(&mut past.data[*field], values.clone()));
+            before.push((*field, std::mem::replace(&mut self.known.data[*field], values.clone()), past));
+        }
+        let found = look(self);
+        for (field, now, past) in before {
+            self.known.data[field] = now;
+            if let Some((kept, past)) = self.known.previous.as_mut().zip(past) {
+                kept.data[field] = past;
+            }
+        }
+        found
+    }
+
     /// The end of the previous step, if something reads it.
     #[must_use]
     pub fn past(&self) -> Option<&Past> {
