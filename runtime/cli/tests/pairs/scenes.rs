@@ -37,7 +37,7 @@ pub(crate) const ON_PLATE: &str = "mesh file \"plate.msh\"\nunknown p : scalar\n
     fix p = 0 on west\nload p = 1 on east\nmeasure top = max(p) on all\n";
 
 /// Two blocks with Nitsche's method between them.
-pub(crate) const NITSCHE: &str = "mesh box [0,0] to [2,1] cells [2,1] quad\nparam gamma = 1e4\nregion left = cells where x < 1\n\
+const NITSCHE: &str = "mesh box [0,0] to [2,1] cells [2,1] quad\nparam gamma = 1e4\nregion left = cells where x < 1\n\
     region right = cells where x > 1\nregion fault = interface from left to right\nregion west = faces where x == 0\n\
     region east = faces where x == 2\nunknown uL : vector on left\nunknown uR : vector on right\n\
     def sigma(v) = 1000*Sym(Grad_v)\ndef trac(v) = sigma(v)*Normal\ndef jump(a,b) = a - Interpolate(b, neighbor_element)\n\
