@@ -356,7 +356,8 @@ pub(super) const ROWS: &[StatementRow] = &[
         usage: "`measure m = reaction(u(1)) on r`",
         meaning: "what the values carry that `fix` prescribes at the nodes of `r`: minus the sum of their equations, the force \
                   that the body exerts on its support, the flow of a scalar out of the body. The argument is linear in one \
-                  unknown: `p`, `u(1)`, `u.[0,1]`, the moment `x*u(2) - y*u(1)`",
+                  unknown: `p`, `u(1)`, `u.[0,1]`, the moment `x*u(2) - y*u(1)` about the reference placement (E460 says how \
+                  current arms are written)",
         default: "",
     },
     StatementRow {
