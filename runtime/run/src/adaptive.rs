@@ -168,7 +168,7 @@ impl Adaptive {
             errors.count(self.of_lag(scene, rules, u, &lag), OF_LAG);
         }
         let held = errors.map_or(0.0, |e| e.largest());
-        let behind = match self.gained.as_ref().map(|gained| gained.behind(scene, &end)).transpose() {
+        let behind = match self.gained.as_ref().map(|gained| gained.behind(scene, &end, rules.error)).transpose() {
             Ok(behind) => behind,
             // between two states there may be none for a law: a logarithm of what is negative there
             Err(error) => return Tried::Nothing(Err(error.into()), u.to_vec()),

@@ -240,26 +240,60 @@ fn forces_at_end(scene: &Scene, system: &mut System, kinds: &KindsOfTerms, at: A
             inertia.iter_mut().zip(&force).for_each(|(a, b)| *a += b);
         }
     }
-    let mut of_mass = |of: &[f64]| -> Result<Vec<f64>, NewtonError> {
-        take(system.rates_mut(), of);
-        let mut sum = zero.clone();
-        for k in (0..system.terms.len()).filter(|k| has_inertia(&system.terms[*k])) {
-            system.term_residual(k, u, &mut sum)?;
-        }
-        sum.iter_mut().zip(&inertia).for_each(|(a, b)| *a -= b);
-        system.add_redistributed(of, &mut sum);
-        Ok(sum)
-    };
     if let Some(explicit) = explicit {
         let kinetic = on_the_diagonal(&explicit.lumped, system, window, [&first, &second], &mut total);
         return Ok(Forces { by_term, total, kinetic });
     }
-    let momentum = of_mass(&first)?;
-    let inertial = of_mass(&second)?;
+    let [momentum, inertial] = of_mass(system, u, [&first, &inertia], [&first, &second])?;
     total.iter_mut().zip(&inertial).for_each(|(a, b)| *a += b);
     system.numbering.turn(&mut total);
     let kinetic = 0.5 * system.team().total(first.iter().zip(&momentum).map(|(v, p)| v * p).sum());
     Ok(Forces { by_term, total, kinetic })
+}
+
+/// By dof the products of the mass with some accelerations, at the end `u` of a step with the velocities `first`; `rest` is what else
+/// stands in the terms with inertia there. The laws are set.
+fn of_mass<const N: usize>(
+    system: &mut System,
+    u: &[f64],
+    [first, rest]: [&[f64]; 2],
+    accelerations: [&[f64]; N],
+) -> Result<[Vec<f64>; N], NewtonError> {
+    let mut all = [const { Vec::new() }; N];
+    for (out, acceleration) in all.iter_mut().zip(accelerations) {
+        if let Some(rates) = system.rates_mut() {
+            rates.take(first, acceleration);
+        }
+        *out = vec![0.0; u.len()];
+        for k in (0..system.terms.len()).filter(|k| has_inertia(&system.terms[*k])) {
+            system.term_residual(k, u, out)?;
+        }
+        out.iter_mut().zip(rest).for_each(|(a, b)| *a -= b);
+        system.add_redistributed(acceleration, out);
+    }
+    Ok(all)
+}
+
+/// The kinetic energy of some velocities by dof, at the end `u` of a step.
+pub(super) fn kinetic_of(
+    system: &mut System,
+    window: Window,
+    u: &[f64],
+    velocities: &[f64],
+) -> Result<f64, NewtonError> {
+    let zero = vec![0.0; u.len()];
+    system.with_other_rates(window, |system| {
+        if let Some(rates) = system.rates_mut() {
+            rates.take(&zero, &zero);
+        }
+        system.set_laws(window);
+        let mut rest = zero.clone();
+        for k in (0..system.terms.len()).filter(|k| has_inertia(&system.terms[*k])) {
+            system.term_residual(k, u, &mut rest)?;
+        }
+        let [momentum] = of_mass(system, u, [&zero, &rest], [velocities])?;
+        Ok(0.5 * system.team().total(velocities.iter().zip(&momentum).map(|(v, p)| v * p).sum()))
+    })
 }
 
 /// The kinetic energy of explicit steps; adds inertia to the sum of the other forces by dof in the axes of the scene, which

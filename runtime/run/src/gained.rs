@@ -23,13 +23,17 @@ use wfl_newton::{DEFAULT_TOLERANCE, NewtonError};
 use wfl_problem::Solving;
 
 use super::{
-    balance::{Balance, Kinds, change_of_moving, moving},
+    balance::{Balance, Kinds, change_of_moving, kinetic_of, moving},
     rates,
 };
 
 /// The part of the displacements that a step is known to: what Newton's method leaves. A body at rest has the kinetic energy of
 /// less than that, and none of its steps is too long for it.
 const KNOWN: f64 = DEFAULT_TOLERANCE;
+
+/// Roundings of a displacement that a velocity is made of, in units of roundoff: those of both ends of the step, and of what was
+/// kept of the steps before.
+const ROUNDINGS: f64 = 16.0;
 
 /// Energies at the end of the last step.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -51,14 +55,15 @@ impl Gained {
     }
 
     /// The same behind a step that was solved and ends at `u`, and the energy that it has gained or lost in units of the
-    /// largest one.
-    pub(super) fn behind(&self, scene: &mut Solving<'_>, u: &[f64]) -> Result<(Self, f64), NewtonError> {
+    /// largest one. Of a part above `allowed` what rounding of the motion makes is left out: where a body has hardly begun to
+    /// move from where it is, its velocity is a small difference of large numbers.
+    pub(super) fn behind(&self, scene: &mut Solving<'_>, u: &[f64], allowed: f64) -> Result<(Self, f64), NewtonError> {
         let window = scene.system.step();
         let within = rates::offset(scene) != 0.0;
         if within {
             scene.set_data(window.at_end())?;
         }
-        let found = self.behind_end(scene, window.at_end(), u);
+        let found = self.behind_end(scene, window.at_end(), u, allowed);
         if within {
             scene.set_data(window)?;
             scene.system.set_laws(window);
@@ -66,7 +71,13 @@ impl Gained {
         found
     }
 
-    fn behind_end(&self, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<(Self, f64), NewtonError> {
+    fn behind_end(
+        &self,
+        scene: &mut Solving<'_>,
+        window: Window,
+        u: &[f64],
+        allowed: f64,
+    ) -> Result<(Self, f64), NewtonError> {
         let mut balance = self.balance.clone();
         balance.add(Kinds::Linear, scene, window, u)?;
         let bent = work_of_bends(scene.system, window, u)?;
@@ -77,7 +88,12 @@ impl Gained {
         let largest = self.largest.max(balance.kinetic[1]).max(taken_up);
         // of forces that cancel, and of the noise of a body at rest, no more is known than a part of what they do each
         let each = self.work_of_each(scene.system, &balance, u);
-        let part = if gained == 0.0 { 0.0 } else { gained / largest.max(each) };
+        let of = |gained: f64| if gained == 0.0 { 0.0 } else { gained / largest.max(each) };
+        let mut part = of(gained);
+        if part > allowed {
+            let kinetic = self.balance.kinetic[1].max(balance.kinetic[1]);
+            part = of((gained - rounding_of_motion(scene.system, window, u, kinetic)?).max(0.0));
+        }
         Ok((Self { balance, largest }, part))
     }
 
@@ -97,6 +113,21 @@ impl Gained {
         };
         system.team().total(self.balance.forces.iter().zip(&now.forces).map(of).sum())
     }
+}
+
+/// What rounding of the unknowns makes of a kinetic energy at the end `u` of a step: that of the velocities which it is, and of
+/// these together with those that are there (Cauchy and Schwarz).
+fn rounding_of_motion(system: &mut System, window: Window, u: &[f64], kinetic: f64) -> Result<f64, NewtonError> {
+    let Some((rates, past)) = system.rates().zip(system.past()) else { return Ok(0.0) };
+    let mut moved = u.to_vec();
+    for dofs in moving(Some(rates)) {
+        let most = system.team().largest(u[dofs.clone()].iter().fold(0.0f64, |most, x| most.max(x.abs())));
+        dofs.for_each(|d| moved[d] += most);
+    }
+    let [there, here] = [&moved[..], u].map(|u| rates.ended(u, &past.unknowns)[0].clone());
+    let velocities: Vec<f64> = there.iter().zip(&here).map(|(a, b)| ROUNDINGS * f64::EPSILON * (a - b)).collect();
+    let own = kinetic_of(system, window, u, &velocities)?.abs();
+    Ok(own + 2.0 * (own * kinetic.abs()).sqrt())
 }
 
 /// Whether a scheme gives up an order to damp motion: what it takes is no error of a step.

@@ -28,7 +28,10 @@ fn a_ball_keeps_its_energy_on_a_stiff_floor() {
             let ran = run(&format!("bounce-{}-{k}-{error}", scheme.replace([' ', '='], "-")), &scene, &[]);
             ran.assert_silent();
             let (end, largest) = (ran.last("total"), most(&ran, "total"));
-            assert!((end / 10.0 - 1.0).abs() < lost && largest < 10.02, "{scheme} {k} {error}: {end} {largest}");
+            // what is demanded is an error of each step, and a contact has a few that are as long as they may be
+            let gained = 5.0 * error.parse::<f64>().unwrap().max(4e-4);
+            assert!((end / 10.0 - 1.0).abs() < lost, "{scheme} {k} {error}: {end}");
+            assert!(largest < 10.0 * (1.0 + gained), "{scheme} {k} {error}: {largest}");
             assert!(ran.steps() < 3000, "{scheme} {k} {error}: {} steps", ran.steps());
         }
     }
@@ -101,5 +104,24 @@ fn explicit_steps_of_a_limit_that_contact_sets_are_told() {
         assert!(ran.code == 0 && ran.tells("W621") == told, "{}", ran.text);
         let gained = ran.last("total") / 3.9e5;
         assert!(if told { gained > 2.0 } else { (gained - 1.0).abs() < 0.03 }, "{gained}");
+    }
+}
+
+/// A mass that is let go far from the floor which it never meets: when it has hardly begun to move, its velocity is rounding of its
+/// position, and no error of a step. The steps went down to the smallest, and the mass up.
+#[test]
+fn a_mass_that_hardly_moves_yet_takes_no_small_steps() {
+    for (scheme, start, pull) in
+        [("newmark", 1.0, 1e-2), ("bdf2", 1.0, 1e-4), ("generalised_alpha rho_inf=0.5", 1e3, 1e-2)]
+    {
+        let scene = format!(
+            "mesh box [0] to [1] cells [1] segment with idle_cells=allowed\nunknown r : scalar global\nstart r = {start}\n\
+             term a on global : Dot2_r*Test_r\nterm b on global : ({pull} - 1e4*pos_part(-r))*Test_r\nscheme {scheme}\n\
+             steps t = 0 to 1 by auto\nmeasure R = value(r) at [0]\n"
+        );
+        let ran = run(&format!("let-go-{start}-{pull}"), &scene, &[]);
+        ran.assert_silent();
+        assert!((ran.last("R") - start + 0.5 * pull).abs() < 1e-4 * start, "{scheme}: {}", ran.last("R"));
+        assert!(ran.steps() < 100, "{scheme}: {} steps", ran.steps());
     }
 }
