@@ -43,11 +43,12 @@ impl System {
         changes
     }
 
-    /// True if one term that is not affine is all that the equations of a field consist of: what it gives at nodes is the residual
-    /// itself, and no measure of it.
+    /// True if one term that is not affine is all that the equations of a field consist of, but for loads: what it gives at nodes
+    /// is the residual itself where these are zero, and no measure of it.
     #[must_use]
     pub fn is_of_one_term(&self, field: usize) -> bool {
-        let tests = |t: &&AssembledTerm| t.law.tests.iter().any(|slot| slot.field.index() == field);
+        let of_field = |t: &AssembledTerm| t.law.tests.iter().any(|slot| slot.field.index() == field);
+        let tests = |t: &&AssembledTerm| t.law.class > Class::Constant && of_field(t);
         let mut terms = self.terms.iter().filter(tests);
         terms.next().is_some_and(|term| term.law.class >= Class::Nonlinear) && terms.next().is_none()
     }

@@ -139,7 +139,14 @@ impl LoadStep<'_> {
             let field = system.field_of_body(*body);
             system.range(field).is_some() && !system.has_single_equations(field)
         };
-        let parts = (0..system.n_bodies()).filter(is_force).filter(|body| left[*body] > 0.0);
+        // a body of one law at rest has nothing but rounding in it, of which no part hides another
+        let cancels = system.largest_of_alike(&system.sizes(u, written, self.tangent));
+        let is_at_rest = |body: usize| {
+            let of_law = system.is_of_one_term(system.field_of_body(body)) && self.contact.is_empty();
+            of_law && !system.loaded()[body] && forces[body] <= FLOOR_FACTOR * f64::EPSILON * cancels[body]
+        };
+        let open = |body: &usize| left[*body] > 0.0 && !is_at_rest(*body);
+        let parts = (0..system.n_bodies()).filter(is_force).filter(open);
         let of_forces = parts.map(|body| left[body] / forces[body].max(left[body])).fold(0.0, f64::max);
         Ok(system.team().largest(self.hidden_by_turns(u, here)?).max(of_forces))
     }
