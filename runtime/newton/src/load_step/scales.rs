@@ -184,21 +184,24 @@ impl LoadStep<'_> {
     }
 
     /// Where one term is all that the equations of a body consist of, and nothing holds it, what the term gives at nodes is the
-    /// residual itself: that is relative to what cancels inside the term then.
-    fn add_what_cancels(&self, scales: &mut [f64], written: &Residual, cancels: &[f64]) {
+    /// residual itself: that is relative to what cancels inside the term then. Whether that is so of some.
+    fn add_what_cancels(&self, scales: &mut [f64], written: &Residual, cancels: &[f64]) -> bool {
         let system = self.system;
         let alone = |k: &usize| system.is_of_one_term(system.field_of_body(*k));
         let of_one: Vec<usize> = system.unknown_bodies().filter(alone).collect();
         if of_one.is_empty() {
-            return;
+            return false;
         }
+        let mut found = false;
         let mut left = system.largest_of_free_by_body(&written.values);
         system.team().max(&mut left);
         for k in of_one {
             if left[k] >= ALL * scales[k] {
                 scales[k] = largest_of([scales[k], cancels[k]]);
+                found = true;
             }
         }
+        found
     }
 
     /// By body what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether
@@ -211,7 +214,7 @@ impl LoadStep<'_> {
         let has_forces = |body: &usize| !system.has_single_equations(system.field_of_body(*body));
         let of_forces: Vec<usize> = system.unknown_bodies().filter(has_forces).collect();
         let (cancels, moved) = (system.largest_of_alike(sizes), system.largest_of_alike(u));
-        self.add_what_cancels(&mut scales, written, &cancels);
+        let of_one_term = self.add_what_cancels(&mut scales, written, &cancels);
         let placed = if positions.is_empty() { vec![0.0; scales.len()] } else { system.largest_of_alike(positions) };
         let extent = system.extent();
         // a stiffness over the extent: of a gradient beside 1 the rounding is that of 1
@@ -223,7 +226,7 @@ impl LoadStep<'_> {
         let is_hidden = |k: &usize| rounding(*k) > self.options.tolerance * scales[*k] || strained(*k) > scales[*k];
         let mut loaded = system.loaded();
         if !of_forces.iter().any(is_hidden) {
-            return Ok(Scales { scales, loaded, no_force: false });
+            return Ok(Scales { scales, loaded, no_force: of_one_term });
         }
         let parts = system.largest_of_alike(&system.contributions(u)?);
         // what may be rounding is no more than this: forces between two fields of one unit cancel however small what they carry is
@@ -231,7 +234,7 @@ impl LoadStep<'_> {
             (0..scales.len()).map(|k| rounding(k).max(strained(k)) / self.options.tolerance).collect();
         let cancels = system.largest_of_alike(&system.cancelled(u, written));
         let before = system.past().map(|past| system.largest_of_alike(&past.unknowns));
-        let mut no_force = false;
+        let mut no_force = of_one_term;
         for k in of_forces {
             scales[k] = largest_of([scales[k], parts[k].min(hidden[k])]);
             let rounding = FLOOR_FACTOR * f64::EPSILON * (cancels[k] + placed[k]);
