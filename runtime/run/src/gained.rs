@@ -119,11 +119,13 @@ impl Gained {
 /// these together with those that are there (Cauchy and Schwarz).
 fn rounding_of_motion(system: &mut System, window: Window, u: &[f64], kinetic: f64) -> Result<f64, NewtonError> {
     let Some((rates, past)) = system.rates().zip(system.past()) else { return Ok(0.0) };
-    let mut moved = u.to_vec();
-    for dofs in moving(Some(rates)) {
-        let most = system.team().largest(u[dofs.clone()].iter().fold(0.0f64, |most, x| most.max(x.abs())));
-        dofs.for_each(|d| moved[d] += most);
+    // unknowns whose forces meet are rounded as one, whether they are one field or several
+    let mut most = vec![0.0; u.len()];
+    for (body, largest) in system.largest_of_alike(u).into_iter().enumerate() {
+        system.dofs_of_body(body).for_each(|d| most[d] = largest);
     }
+    let mut moved = u.to_vec();
+    moving(Some(rates)).into_iter().flatten().for_each(|d| moved[d] += most[d]);
     let [there, here] = [&moved[..], u].map(|u| rates.ended(u, &past.unknowns)[0].clone());
     let velocities: Vec<f64> = there.iter().zip(&here).map(|(a, b)| ROUNDINGS * f64::EPSILON * (a - b)).collect();
     let own = kinetic_of(system, window, u, &velocities)?.abs();
