@@ -187,7 +187,10 @@ impl LoadStep<'_> {
     /// residual itself: that is relative to what cancels inside the term then. Whether that is so of some.
     fn add_what_cancels(&self, scales: &mut [f64], written: &Residual, cancels: &[f64]) -> bool {
         let system = self.system;
-        let alone = |k: &usize| system.is_of_one_term(system.field_of_body(*k));
+        let alone = |k: &usize| {
+            let field = system.field_of_body(*k);
+            system.is_of_one_term(field) && !system.has_single_equations(field)
+        };
         let of_one: Vec<usize> = system.unknown_bodies().filter(alone).collect();
         if of_one.is_empty() {
             return false;
