@@ -2,8 +2,8 @@
 //!
 //! Newton's method is drawn to every stationary point of the energy, a straight column under three times its buckling load
 //! among them. Where the scene asks for it (`solver newton with perturb=1e-6`), a step that ends in such a state is pushed
-//! along the lowest direction, the eigenvector of `A v = m D v` with the smallest m (A the tangent, D by row the sum of its magnitudes), by so
-//! much of the extent of the mesh. From there the energy decreases (`downhill`).
+//! along the lowest direction, the eigenvector of `A v = m D v` with the smallest m (A the tangent, D by row the sum of its
+//! magnitudes), by so much of the extent of the mesh. From there the energy decreases (`downhill`).
 //!
 //! Promises: the state that is left behind is an equilibrium with a positive definite tangent, or that which was there. The
 //! side to which it goes is that of the loads where they push to one, and otherwise always the same. Needs a symmetric

@@ -1,10 +1,10 @@
-//! Downhill in the energy: where there is one, each step leads to less of it, so that no iterate comes back.
+//! Downhill in the energy, where there is one.
 //!
 //! A softening law (a joint that breaks, a body that buckles) has states at which Newton's direction leads to a saddle or a top
 //! of the energy, and searches for a smaller residual go round between such states for ever. Here each direction is that of
 //! `A + s D` with the smallest s of a list for which that is positive definite (A the tangent, D by row the sum of its magnitudes;
-//! Nocedal and Wright, Numerical Optimization, 2006, 3.4), followed to where the energy is the least (`critical_point`). Near a minimum s is
-//! zero, and the iteration is Newton's.
+//! Nocedal and Wright, Numerical Optimization, 2006, 3.4), followed to where the energy is the least (`critical_point`). Near a
+//! minimum s is zero, and the iteration is Newton's.
 //!
 //! Promises: directions that go downhill in an energy that there is. Of a tangent that is not symmetric (joints that soften and rub)
 //! the symmetric part is what leads, which is a guess that the search along it judges. Needs displacements alone and factors; does
@@ -98,9 +98,7 @@ impl Downhill {
         norm: &Norm,
     ) -> Result<Option<(f64, Measured)>, NewtonError> {
         let Some(made) = &mut self.made else { return Ok(None) };
-        let mut rhs = Vec::new();
-        step.system.numbering.gather(&here.residual, &mut rhs);
-        rhs.iter_mut().for_each(|r| *r = -*r);
+        let rhs = step.opposite(&here.residual);
         let mut direction = vec![0.0; rhs.len()];
         step.spent.linear_solves += 1;
         made.solve(&rhs, &mut direction)?;

@@ -370,9 +370,7 @@ impl LoadStep<'_> {
         history: &mut StepHistory,
     ) -> Result<(), NewtonError> {
         self.factor()?;
-        let mut rhs = Vec::new();
-        self.system.numbering.gather(residual, &mut rhs);
-        rhs.iter_mut().for_each(|r| *r = -*r);
+        let rhs = self.opposite(residual);
         let report = match self.solve(&rhs, direction, unseen) {
             Err(NewtonError::Solve(error)) if self.is_unresolved(&error) && self.system.soften(self.tangent) => {
                 self.solver.update(self.system, self.tangent, true)?;
@@ -414,6 +412,14 @@ impl LoadStep<'_> {
         Ok(result?)
     }
 
+    /// What balances a residual by dof, over the free dofs.
+    pub(super) fn opposite(&self, residual: &[f64]) -> Vec<f64> {
+        let mut out = Vec::new();
+        self.system.numbering.gather(residual, &mut out);
+        out.iter_mut().for_each(|r| *r = -*r);
+        out
+    }
+
     /// Solves with the factor at hand, over the free dofs.
     pub(super) fn solve(&mut self, rhs: &[f64], x: &mut Vec<f64>, unseen: f64) -> Result<SolveReport, NewtonError> {
         let begin = Instant::now();
@@ -432,9 +438,7 @@ impl LoadStep<'_> {
         unseen: f64,
         x: &mut Vec<f64>,
     ) -> Result<SolveReport, NewtonError> {
-        let mut rhs = Vec::new();
-        self.system.numbering.gather(residual, &mut rhs);
-        rhs.iter_mut().for_each(|r| *r = -*r);
+        let rhs = self.opposite(residual);
         let begin = Instant::now();
         let result = self.solver.solve(&rhs, x, unseen);
         self.spent.solve += begin.elapsed().as_secs_f64();

@@ -2,9 +2,10 @@
 //!
 //! A term may read a state as the step before has left it: creep strain, wear, an age. At the end of a step the unknowns then
 //! belong to the state at its start, and no extrapolation shows it: of steps that double the line through the last two
-//! solutions predicts the next one exactly. The terms are evaluated once more, with states on their way to those that
-//! the step leaves, and the tangent says what all of that way would change of the unknowns. A return mapping gives the same forces behind a part
-//! of its own update: it lags by nothing. Terms that read the increment, a rate or the past of an unknown make a step of their own of the old states, and say nothing of the new ones.
+//! solutions predicts the next one exactly. The terms are evaluated once more, with states on their way to those that the step
+//! leaves, and the tangent says what all of that way would change of the unknowns. A return mapping gives the same forces behind
+//! a part of its own update: it lags by nothing. Terms that read the increment, a rate or the past of an unknown make a step of
+//! their own of the old states, and say nothing of the new ones.
 //!
 //! Promises: states and equations are left as they were.
 

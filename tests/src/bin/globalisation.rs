@@ -217,7 +217,7 @@ names in parentheses are those of the table and of histories.
    (D: by row the sum of the magnitudes in A), followed to where the energy is the least. Near a minimum s is zero, and
    the iteration is Newton's. It follows method 1, and method 6 without contact once ten iterations found no smaller
    residual. Joints that soften and rub are not of an energy by their friction alone: there it is the symmetric part of A
-   that leads.
+   that leads. It needs factors of whole tangents: not on several ranks, with PETSc, or where conjugate gradients solve.
 
 **Stiffness of the bodies.** It is the mean of their matrix diagonal at the contact nodes. If that is a hundred times
 the stiffness against random forces there, the latter is used: nearly incompressible bodies, or one body that is far

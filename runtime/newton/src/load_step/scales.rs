@@ -141,9 +141,10 @@ impl LoadStep<'_> {
         };
         // a body of one law at rest has nothing but rounding in it, of which no part hides another
         let cancels = system.largest_of_alike(&system.sizes(u, written, self.tangent));
+        let loaded = system.loaded();
         let is_at_rest = |body: usize| {
             let of_law = system.is_of_one_term(system.field_of_body(body)) && self.contact.is_empty();
-            of_law && !system.loaded()[body] && forces[body] <= FLOOR_FACTOR * f64::EPSILON * cancels[body]
+            of_law && !loaded[body] && forces[body] <= FLOOR_FACTOR * f64::EPSILON * cancels[body]
         };
         let open = |body: &usize| left[*body] > 0.0 && !is_at_rest(*body);
         let parts = (0..system.n_bodies()).filter(is_force).filter(open);

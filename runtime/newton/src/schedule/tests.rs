@@ -22,6 +22,21 @@ fn a_scene_without_contact_is_damped_by_the_residual_first() {
 }
 
 #[test]
+fn a_scene_with_an_energy_goes_downhill_before_what_follows_the_residual() {
+    use Method as M;
+    use Trait as T;
+    assert_eq!(methods(&[T::Energy]), [M::Residual, M::Downhill, M::Natural]);
+    assert_eq!(methods(&[T::NearEnergy]), [M::Residual, M::Natural, M::Downhill], "of friction it is a guess");
+    for energy in [T::Energy, T::NearEnergy] {
+        let all = methods(&[T::Contact, T::Affine, energy]);
+        let first = all.iter().position(|m| *m != M::ActiveSet);
+        assert_eq!(first.map(|k| all[k]), Some(M::Downhill), "{all:?}");
+        assert_eq!(all.iter().filter(|m| **m == M::Downhill).count(), 1);
+    }
+    assert!(!methods(&[T::Contact, T::Affine]).contains(&M::Downhill));
+}
+
+#[test]
 fn every_stage_but_the_first_begins_with_another_method() {
     use Method as M;
     use Trait as T;
