@@ -22,6 +22,10 @@ const LOOKS: usize = 400;
 /// rounding of the formula itself does not count, and below a step that W421 is not told of.
 const NUDGE: f64 = 16.0;
 
+/// Increments whose ends are rounded by less than this part of them are looked at no further: a motion that is visibly rounded
+/// then keeps its velocity for ten million steps.
+const COARSE: f64 = 1e-10;
+
 /// A step as a formula sees it: its ends and what comes behind it, and the shorter one of both increments.
 struct Look {
     times: [f64; 3],
@@ -63,9 +67,8 @@ impl Builder<'_> {
         let script = self.script;
         let looks = looks(steps);
         let span = (steps.last() - steps.first()).abs();
-        // the largest slope is at most the range over the span and the largest acceleration times the span, so that this
-        // bounds what rounding is of any motion
-        let visible = |look: &Look| 4.0 * span * spacing(look.times[2]) > UNSEEN * look.increment * look.increment;
+        // of a motion whose velocity changes by itself within N steps, rounding is N times this part of the acceleration
+        let visible = |look: &Look| spacing(look.times[2]) > COARSE * look.increment;
         if !looks.iter().any(visible) {
             return;
         }
@@ -142,15 +145,18 @@ impl Motion {
                 let change = (behind[c] - here[c]) / second - (here[c] - before[c]) / first;
                 // of second differences three values are rounded by half of a last digit, the middle one twice
                 let noise = 2.0 * rounded[c] / (look.increment * look.increment);
-                // which is no acceleration itself
-                fastest = fastest.max((2.0 * change / (first + second)).abs() - noise);
+                // which is no acceleration itself, nor is the rounding of the formula
+                let of_formula = 4.0 * f64::EPSILON * here[c].abs() / (look.increment * look.increment);
+                let resolved = (2.0 * change / (first + second)).abs() - noise - of_formula;
+                fastest = fastest.max(if resolved > noise.max(of_formula) { resolved } else { 0.0 });
                 if noise > worst.part {
                     worst = Worst { part: noise, time: look.times[1], increment: look.increment };
                 }
             }
         }
         let range = ranges.iter().map(|(low, high)| high - low).fold(0.0, f64::max);
-        let scale = fastest.max(range / (span * span));
+        // of a motion without an acceleration that is told from rounding, that which would take it as far in the run
+        let scale = if fastest > 0.0 { fastest } else { range / (span * span) };
         (scale > 0.0).then(|| Worst { part: worst.part / scale, ..worst })
     }
 

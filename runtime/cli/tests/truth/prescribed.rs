@@ -25,6 +25,7 @@ fn accelerations_of_a_time_far_from_zero_are_told_where_they_are_rounding() {
         ("1.7e9", "(if t > T0 + 0.5 then t - T0 else 0.5) + 0*x", "1e-3"),
         ("1.7e9", "(t - T0)*(1 + 0.1*x)", "1e-3"),
         ("1e7", sine, "1e-3"),
+        ("1e5", "sin(0.01*(t - T0))", "1e-3"),
     ]
     .into_iter()
     .enumerate()
@@ -39,6 +40,7 @@ fn accelerations_of_a_time_far_from_zero_are_told_where_they_are_rounding() {
     for (k, (from, motion, steps)) in [
         ("0", sine, "1e-3"),
         ("1e5", sine, "1e-3"),
+        ("1e5", "1000 + 2*(t - T0)", "1e-3"),
         ("1.7e9", sine, "0.1"),
         ("1.7e9", "0", "1e-3"),
         ("0", "t", "1e-3"),
