@@ -38,7 +38,8 @@ impl<'a> Keeper<'a> {
         Self { writer, has_part, checkpoint_before: None, gathering: Duration::ZERO }
     }
 
-    /// Whether a checkpoint is to be made.
+    /// Whether a checkpoint is to be made of a step that others follow. After the last one everything is written at once, and a process
+    /// that went on from there would have solved nothing: it could not say how the systems were solved.
     fn is_due(&self, scene: &Solving<'_>) -> bool {
         self.writer.is_some_and(|(_, cost)| {
             let pause = CHECKPOINT_EVERY.max(CHECKPOINT_SHARE * (cost.get() + self.gathering));
@@ -51,7 +52,7 @@ impl Run {
     /// Sends what is to be written of the last step; false where the writer has ended.
     pub(super) fn keep(&mut self, scene: &mut Solving<'_>, keeper: &mut Keeper<'_>) -> bool {
         self.leave_mark(scene);
-        let due = keeper.is_due(scene);
+        let due = self.next_request(scene).is_some() && keeper.is_due(scene);
         let begin = Instant::now();
         // what a checkpoint keeps is made by all ranks together, when the one that writes wants it
         let kept = scene.system.team().any(due).then(|| self.state(scene));
