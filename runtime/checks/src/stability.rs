@@ -62,7 +62,8 @@ pub fn unstable(
     let groups = Groups::of(system);
     // a factor of the whole that is not Cholesky's has met a tangent that is not positive definite
     let is_doubtful = known == Some(false) || solver.factors_all() && solver.lost_definiteness();
-    let is_due = due && solver.factors_all();
+    // the levels of an iteration with contact tell of the bodies at the next step
+    let is_due = due && solver.factors_all() && !solver.iterates_with_contact();
     let is_symmetric = solver.may_be_symmetric();
     // what the start says of rows is asked for where nothing else tells; the sign at hand may be that of the iterate before the last
     let mut has_turned = || {

@@ -151,6 +151,34 @@ output vtk "u" : u
     goes_on_to_the_same_bytes(&folder, &scene, 10);
 }
 
+/// So are those of bodies with contact that is not symmetric.
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn a_killed_run_by_gmres_on_tangents_goes_on_to_the_same_bytes() {
+    let folder = Folder::new("killed-contact");
+    let scene = folder.0.join("pulled.wfl");
+    let text = r#"wfl 1
+mesh box [0,0,0] to [1,1,1] cells [8,8,8] hex
+region floor = faces where z == 0
+region lid = faces where z == 1
+unknown u : vector
+steps t = 1 to 10 by 1
+def F = Id(3) + Grad_u
+def P = 80*(F - Inv(F)') + 120*log(Det(F))*Inv(F)'
+def tang(w) = w - (w.Normal)*Normal
+def Pn = 1e4*(u.Normal) - (P*Normal).Normal
+def Pt = 1e4*tang(u) - tang(P*Normal)
+term elastic on all : P:Grad_Test_u
+term contact on floor : (pos_part(Pn)*Normal + Ball_projection(Pt, 0.3*pos_part(Pn))).Test_u
+fix u = [0.004*t, 0, -0.01*t] on lid
+solver linear with gmres, amg
+measure drag = integral((P*[0,0,1])(1)) on lid
+output vtk "u" : u
+"#;
+    std::fs::write(&scene, text).expect("writable");
+    goes_on_to_the_same_bytes(&folder, &scene, 10);
+}
+
 /// Velocities and accelerations pass from step to step.
 #[test]
 #[cfg_attr(debug_assertions, ignore = "slow: release suite")]

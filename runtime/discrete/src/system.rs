@@ -24,6 +24,7 @@ mod linear;
 mod massless;
 mod node_layout;
 mod numbering;
+mod on_faces;
 mod operator;
 mod past;
 mod positions;
@@ -43,6 +44,7 @@ pub use known::{Known, Past};
 use linear::LinearMatrix;
 pub use linear::Redistribution;
 pub use numbering::{FIXED, Numbering, Tie};
+use on_faces::OnFaces;
 use past::PastMatrices;
 pub use past::{PastForm, is_affine_in_the_past, is_of_rates, readings, stays};
 use positions::Placed;
@@ -138,6 +140,8 @@ pub struct System {
     finite_strain: OnceLock<Vec<FiniteStrain>>,
     /// Terms have an operator in place of their matrix.
     without_matrix: Option<Arc<WithoutMatrix>>,
+    /// Tangents have the part of the terms on faces beside them.
+    on_faces: Option<Arc<OnFaces>>,
 }
 
 impl System {
@@ -190,6 +194,7 @@ impl System {
             static_beside_inertia: Arc::default(),
             finite_strain: OnceLock::new(),
             without_matrix: None,
+            on_faces: None,
         };
         // on a part of a mesh there is nobody who has all rows
         this.share_again();

@@ -4,13 +4,14 @@
 //! iteration cannot be used. Does not assemble and does not solve.
 
 use wfl_compiler::Class;
-use wfl_discrete::{assemble::Over, pruning::Pruning, system::System};
+use wfl_discrete::{assemble::AssembledTerm, pruning::Pruning, system::System};
 use wfl_sparse::solve::LinearMethod;
 
 use super::condensation::condenses;
 use super::cost::{Factors, Iteration, Ways, Work};
-use super::library::traits;
-use super::plan::LinearPlan;
+use super::library::{is_on_faces, traits};
+use super::plan::{Extent, LinearPlan};
+use super::saddle;
 
 /// Factors of the bodies with what is condensed, and the iteration; solutions are those of a step with its iterations of Newton.
 /// Factors were measured on the fault, 4 and 20 steps of 107,000 and of 205,000 unknowns (docs/scale.md). The iteration took 1.1 of
@@ -21,18 +22,33 @@ const WAYS: Ways = Ways {
     iteration: Iteration { bytes: 5.5e3, levels: 1.0, solution: 2.1 },
     small: 100_000,
 };
+/// Factors of whole tangents that are not symmetric, and the iteration on them. Measured on one step of a hyperelastic block on a
+/// floor with Nitsche's method, of 71,000 and of 346,000 unknowns (docs/solvers.md); of what was measured 1.5 and 7 seconds of the
+/// processor are not for solutions.
+const TANGENTS: Ways = Ways {
+    factors: Factors { bytes: 22e3, seconds: 6.0, power: 2.0, solution: 0.2 },
+    iteration: Iteration { bytes: 5e3, levels: 0.9, solution: 0.3 },
+    small: 30_000,
+};
+/// Of a step of Newton's method with them: the first tangent is factored, or its levels are made, and there are six solutions.
+const OF_A_STEP: Work = Work { made: 1.0, solutions: 6.0 };
 /// Number of unknowns below which a factor is never too large: at most half a gigabyte.
 const LEAST: usize = 30_000;
 /// Number of unknowns of contact above which the iteration is not used: a factor on them in every iteration of Newton takes
 /// longer than the cycles.
 const MOST_ON_CONTACT: usize = 100_000;
 
-/// Why a scene cannot be solved in this way; `None` if it can.
+/// Why a scene cannot be solved by GMRES; `None` if it can.
 #[must_use]
 pub fn obstacle_of_filter(system: &System) -> Option<String> {
     if system.is_linear() {
-        return Some("the scene is linear".to_owned());
+        return saddle::layout(system).err().map(|why| format!("the scene is linear, and {why}"));
     }
+    if has_nonlinear_bodies(system) { obstacle_of_tangents(system) } else { obstacle_of_linear_bodies(system) }
+}
+
+/// The same of a scene with linear bodies.
+fn obstacle_of_linear_bodies(system: &System) -> Option<String> {
     if !system.team().is_alone() {
         return Some("there are several ranks".to_owned());
     }
@@ -41,10 +57,6 @@ pub fn obstacle_of_filter(system: &System) -> Option<String> {
     }
     if let Some(term) = system.terms.iter().find(|t| t.law.class == Class::Linear && !t.law.symmetric) {
         return Some(format!("the term `{}` is not symmetric", term.law.name));
-    }
-    let mut nonlinear = system.terms.iter().filter(|t| t.law.class >= Class::Nonlinear);
-    if let Some(term) = nonlinear.find(|t| t.integrator.domain.over != Over::Facets) {
-        return Some(format!("the term `{}` is not linear and no contact", term.law.name));
     }
     if let Some(field) = (0..system.fields.len()).find(|field| system.has_single_equations(*field)) {
         return Some(format!("the equations of `{}` are laws at points", system.fields[field].name));
@@ -57,6 +69,73 @@ pub fn obstacle_of_filter(system: &System) -> Option<String> {
         return Some(format!("{} of {} unknowns are on contact", traits.on_contact, traits.unknowns));
     }
     traits.obstacle
+}
+
+/// Why a scene whose bodies are not linear cannot be solved by GMRES on whole tangents; `None` if it can.
+#[must_use]
+pub(super) fn obstacle_of_tangents(system: &System) -> Option<String> {
+    if !system.team().is_alone() {
+        return Some("there are several ranks, and the bodies are not linear".to_owned());
+    }
+    if system.has_moving_images() {
+        return Some("images follow the bodies".to_owned());
+    }
+    let of_bodies = |term: &&AssembledTerm| term.law.class >= Class::Nonlinear && !is_on_faces(term);
+    let written = system.terms.iter().filter(|term| term.law.class == Class::Linear || of_bodies(term));
+    let frozen = system.frozen().iter().map(|frozen| &frozen.form).filter(|form| !is_on_faces(form));
+    let mut bodies = written.chain(frozen);
+    if let Some(term) = bodies.find(|term| !term.law.symmetric) {
+        return Some(format!("the term `{}` is not symmetric", term.law.name));
+    }
+    if let Some(field) = (0..system.fields.len()).find(|field| system.has_single_equations(*field)) {
+        return Some(format!("the equations of `{}` are laws at points", system.fields[field].name));
+    }
+    if super::iterative::obstacle(system).is_none() {
+        return Some("its tangents are symmetric".to_owned());
+    }
+    let traits = traits(system);
+    if traits.on_contact == 0 {
+        return Some("there is no contact".to_owned());
+    }
+    if traits.on_contact > MOST_ON_CONTACT {
+        return Some(format!("{} of {} unknowns are on contact", traits.on_contact, traits.unknowns));
+    }
+    traits.obstacle
+}
+
+/// Whether a term of a body is not linear.
+fn has_nonlinear_bodies(system: &System) -> bool {
+    system.terms.iter().any(|term| term.law.class >= Class::Nonlinear && !is_on_faces(term))
+}
+
+/// Whether GMRES on whole tangents is to be used; `steps` are those that are expected.
+#[must_use]
+pub(super) fn is_chosen_for_tangents(system: &System, method: LinearMethod, steps: usize) -> bool {
+    let n = system.n_unknowns();
+    let is_wanted = match method {
+        LinearMethod::Direct => false,
+        LinearMethod::Iterative => true,
+        LinearMethod::Auto => {
+            system.mesh.dim() == 3 && n >= LEAST && TANGENTS.prefer_iteration(n, [work_of_tangents(steps); 2])
+        }
+    };
+    is_wanted && has_nonlinear_bodies(system) && obstacle_of_tangents(system).is_none()
+}
+
+/// The iteration on whole tangents with what it is foreseen to take; `None` for another way.
+pub(super) fn plan_of_tangents(system: &System, method: LinearMethod, steps: usize) -> Option<LinearPlan> {
+    if !is_chosen_for_tangents(system, method, steps) {
+        return None;
+    }
+    let (n, work) = (system.n_unknowns(), work_of_tangents(steps));
+    let (bytes, in_place) = (TANGENTS.by_iteration(n, work).size(), TANGENTS.by_factors(n, work).size());
+    Some(LinearPlan::WithContact(traits(system).on_contact, Extent::Foreseen((bytes, Some(in_place)))))
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a count of steps")]
+fn work_of_tangents(steps: usize) -> Work {
+    let steps = steps as f64;
+    Work { made: steps * OF_A_STEP.made, solutions: steps * OF_A_STEP.solutions }
 }
 
 #[expect(clippy::cast_precision_loss, reason = "a count of steps")]
@@ -73,7 +152,7 @@ pub(super) fn is_chosen(system: &System, method: LinearMethod, steps: usize) -> 
         LinearMethod::Iterative => true,
         LinearMethod::Auto => system.mesh.dim() == 3 && n >= LEAST && WAYS.prefer_iteration(n, [work(steps); 2]),
     };
-    is_wanted && obstacle_of_filter(system).is_none()
+    is_wanted && !has_nonlinear_bodies(system) && obstacle_of_filter(system).is_none()
 }
 
 /// The iteration with what it is foreseen to take; `None` for a factor.
@@ -95,7 +174,7 @@ mod tests {
     #[test]
     fn what_stands_against_it_is_said() {
         let of = |block: Block| obstacle_of_filter(&block.system).expect("an obstacle");
-        assert_eq!(of(Block::new(2, &[LAPLACE], &[])), "the scene is linear");
+        assert_eq!(of(Block::new(2, &[LAPLACE], &[])), "the scene is linear, and there is no motion beside a pressure");
         // three nodes are free, all of them on the floor
         assert_eq!(of(Block::with_friction(2)), "contact touches most unknowns");
     }
@@ -105,6 +184,21 @@ mod tests {
         let system = Block::with_friction(2).system;
         assert!(!is_chosen(&system, LinearMethod::Auto, 1) && !is_chosen(&system, LinearMethod::Direct, 1));
         assert_eq!(plan(&system, LinearMethod::Auto, 1), None);
+    }
+
+    #[test]
+    fn tangents_with_contact_are_foreseen_as_they_were_measured() {
+        let near = |found: f64, measured: f64| (found / measured - 1.0).abs() < 0.25;
+        let work = work_of_tangents(1);
+        for (n, factor, iteration) in [(71_000, (3.9, 1.4e9), (1.4, 0.36e9)), (346_000, (82.0, 11.5e9), (8.0, 1.63e9))]
+        {
+            let (by_factor, by_iteration) = (TANGENTS.by_factors(n, work), TANGENTS.by_iteration(n, work));
+            assert!(near(by_factor.seconds, factor.0) && near(by_factor.bytes, factor.1), "{by_factor:?}");
+            assert!(
+                near(by_iteration.seconds, iteration.0) && near(by_iteration.bytes, iteration.1),
+                "{by_iteration:?}"
+            );
+        }
     }
 
     #[test]

@@ -8,11 +8,15 @@ use std::sync::Arc;
 
 use wfl_discrete::{pruning::Pruning, system::System};
 use wfl_host::memory::claim;
-use wfl_sparse::solve::{CheckedMultigrid, LinearMethod, NodeLayout, SolveError, SolveReport, SolverOptions, Source};
+use wfl_sparse::solve::{
+    CheckedContact, CheckedMultigrid, CheckedSaddle, LinearMethod, NodeLayout, OnContact, SolveError, SolveReport,
+    SolverOptions, Source,
+};
 
 use super::condensation::condenses;
 use super::cost::{Factors, Iteration, Ways, Work};
-use super::plan::{Extent, Held, LinearPlan};
+use super::plan::{Extent, GMRES, Held, ITERATION, LinearPlan};
+use super::saddle;
 use super::without_matrix;
 
 /// Of one matrix. Measured on cubes of trilinear hexahedra: 2.7 GB and 4.5 s for a factor of 108,000 unknowns, 12.7 GB and 39 s
@@ -41,9 +45,19 @@ const LEVELS_OF_A_STEP: Work = Work { made: 1.0, solutions: 5.0 };
 /// older factor aim at as much.
 const WITHIN: f64 = 0.3;
 
+/// What iterates.
+enum Solver {
+    /// Conjugate gradients: all is symmetric.
+    Conjugate(Box<CheckedMultigrid>),
+    /// GMRES: the bodies are; so many dofs are on contact.
+    Contact(Box<CheckedContact>, usize),
+    /// GMRES: a motion beside a pressure.
+    Saddle(Box<CheckedSaddle>),
+}
+
 /// The iteration of a scene.
 pub(super) struct Iterative {
-    solver: CheckedMultigrid,
+    solver: Solver,
     /// It solves with tangents, as far as each is to be solved; else with one matrix, to a small error.
     of_tangents: bool,
     /// Factors have taken its place until the next attempt at a step.
@@ -63,20 +77,54 @@ impl Iterative {
 
     /// Of the tangents to come.
     pub(super) fn of_tangents(layout: NodeLayout, options: SolverOptions) -> Self {
-        Self { solver: CheckedMultigrid::new(layout, options), of_tangents: true, is_set_aside: false }
+        Self::new(Solver::Conjugate(Box::new(CheckedMultigrid::new(layout, options))))
+    }
+
+    /// Of the tangents to come of bodies with contact that need not be symmetric.
+    pub(super) fn of_contact(of: OnContact, options: SolverOptions) -> Self {
+        let on_contact = of.rows.len();
+        Self::new(Solver::Contact(Box::new(CheckedContact::new(of, options)), on_contact))
+    }
+
+    /// Of one matrix of a motion beside a pressure; makes its levels.
+    ///
+    /// # Errors
+    /// [`SolveError`]: no levels, or too large.
+    pub(super) fn of_saddle(layout: NodeLayout, source: &Source, options: SolverOptions) -> Result<Self, SolveError> {
+        let solver = Solver::Saddle(Box::new(CheckedSaddle::new(layout, options)));
+        let mut this = Self { of_tangents: false, ..Self::new(solver) };
+        this.renew(source)?;
+        Ok(this)
+    }
+
+    fn new(solver: Solver) -> Self {
+        Self { solver, of_tangents: true, is_set_aside: false }
     }
 
     /// Makes the levels of a matrix, or of an operator; of the matrix of that where only it can tell whether it is singular.
     fn renew(&mut self, source: &Source) -> Result<(), SolveError> {
-        if let Source::Applied(operator) = source {
-            claim(without_matrix::bytes(operator.n_rows()), "the levels of multigrid")?;
-            if self.solver.take_operator(Arc::clone(operator))? {
-                return Ok(());
+        let need = ONE_MATRIX.by_iteration(source.n_rows(), LEVELS_OF_A_STEP);
+        match (&mut self.solver, source) {
+            (Solver::Contact(solver, _), Source::Parted(matrix, on_faces)) => {
+                claim(need.size(), "the levels of multigrid")?;
+                solver.take(matrix, on_faces)
+            }
+            (Solver::Contact(..), _) => Err(SolveError::NotFactored),
+            (Solver::Saddle(solver), source) => {
+                claim(saddle::bytes(source.n_rows()), "the levels of multigrid")?;
+                solver.take(&source.matrix().ok_or(SolveError::NotFactored)?)
+            }
+            (Solver::Conjugate(solver), source) => {
+                if let Source::Applied(operator) = source {
+                    claim(without_matrix::bytes(operator.n_rows()), "the levels of multigrid")?;
+                    if solver.take_operator(Arc::clone(operator))? {
+                        return Ok(());
+                    }
+                }
+                claim(need.size(), "the levels of multigrid")?;
+                solver.take(source.matrix().ok_or(SolveError::NotFactored)?)
             }
         }
-        let need = ONE_MATRIX.by_iteration(source.n_rows(), LEVELS_OF_A_STEP);
-        claim(need.size(), "the levels of multigrid")?;
-        self.solver.take(source.matrix().ok_or(SolveError::NotFactored)?)
     }
 
     /// Takes a tangent; levels are made where those at hand do not serve.
@@ -84,7 +132,12 @@ impl Iterative {
     /// # Errors
     /// As [`Self::of_one`].
     pub(super) fn take(&mut self, source: &Source) -> Result<(), SolveError> {
-        if self.solver.keep_levels(source)? { Ok(()) } else { self.renew(source) }
+        let is_kept = match (&mut self.solver, source) {
+            (Solver::Conjugate(solver), source) => solver.keep_levels(source)?,
+            (Solver::Contact(solver, _), Source::Parted(matrix, on_faces)) => solver.keep_levels(matrix, on_faces)?,
+            (Solver::Contact(..) | Solver::Saddle(_), _) => false,
+        };
+        if is_kept { Ok(()) } else { self.renew(source) }
     }
 
     /// Solves with the matrix taken last; of tangents until `tolerance` of the right-hand side is left. Where levels of an
@@ -99,27 +152,64 @@ impl Iterative {
         tolerance: f64,
         source: Option<&Source>,
     ) -> Result<SolveReport, SolveError> {
-        if !self.of_tangents {
-            return self.solver.solve_to(rhs, x, tolerance);
+        match (self.of_tangents, &mut self.solver) {
+            (false, Solver::Conjugate(solver)) => return solver.solve_to(rhs, x, tolerance),
+            (false, Solver::Saddle(solver)) => return solver.solve_until(rhs, x, tolerance),
+            _ => {}
         }
         let left = WITHIN * tolerance;
-        match self.solver.solve_until(rhs, x, left) {
-            Err(error) if is_of_iteration(&error) && self.solver.has_kept_levels() => {
+        match self.solve_until(rhs, x, left) {
+            Err(error) if is_of_iteration(&error) && self.has_kept_levels() => {
                 self.renew(source.ok_or(error)?)?;
-                self.solver.solve_until(rhs, x, left)
+                self.solve_until(rhs, x, left)
             }
             other => other,
         }
     }
 
-    /// The solver behind it.
-    pub(super) fn solver(&mut self) -> &mut CheckedMultigrid {
-        &mut self.solver
+    fn solve_until(&mut self, rhs: &[f64], x: &mut [f64], left: f64) -> Result<SolveReport, SolveError> {
+        match &mut self.solver {
+            Solver::Conjugate(solver) => solver.solve_until(rhs, x, left),
+            Solver::Contact(solver, _) => solver.solve_until(rhs, x, left),
+            Solver::Saddle(solver) => solver.solve_until(rhs, x, left),
+        }
+    }
+
+    fn has_kept_levels(&self) -> bool {
+        match &self.solver {
+            Solver::Conjugate(solver) => solver.has_kept_levels(),
+            Solver::Contact(solver, _) => solver.has_kept_levels(),
+            Solver::Saddle(_) => false,
+        }
+    }
+
+    /// Whether a symmetric matrix, or an operator, is positive definite by the levels at hand; `None` where they do not tell.
+    pub(super) fn looks_definite(&mut self, source: &Source) -> Option<bool> {
+        match &mut self.solver {
+            Solver::Conjugate(solver) => solver.looks_definite(source).ok()?,
+            Solver::Contact(..) | Solver::Saddle(_) => None,
+        }
+    }
+
+    /// Whether solutions show that the matrix is positive definite: with conjugate gradients, and not of tangents, of which each is
+    /// solved with few right-hand sides.
+    pub(super) fn shows_definite(&self) -> bool {
+        !self.of_tangents && matches!(self.solver, Solver::Conjugate(_))
+    }
+
+    /// What it is called.
+    pub(super) fn name(&self) -> &'static str {
+        if matches!(self.solver, Solver::Conjugate(_)) { ITERATION } else { GMRES }
     }
 
     /// Whether it solves tangents.
     pub(super) fn is_of_tangents(&self) -> bool {
         self.of_tangents
+    }
+
+    /// Whether it solves with contact apart from the bodies.
+    pub(super) fn is_of_contact(&self) -> bool {
+        matches!(self.solver, Solver::Contact(..))
     }
 
     /// Whether it is at work.
@@ -130,23 +220,38 @@ impl Iterative {
     /// Says whether factors take its place; levels are made anew afterwards.
     pub(super) fn set_aside(&mut self, is_set_aside: bool) {
         self.is_set_aside = is_set_aside;
-        self.solver.expire();
+        match &mut self.solver {
+            Solver::Conjugate(solver) => solver.expire(),
+            Solver::Contact(solver, _) => solver.expire(),
+            Solver::Saddle(_) => {}
+        }
     }
 
     /// What it is.
     pub(super) fn method(&self) -> LinearPlan {
-        let levels = Extent::Made(self.solver.level_sizes().to_vec());
+        let solver = match &self.solver {
+            Solver::Conjugate(solver) => solver,
+            Solver::Contact(solver, on_contact) => {
+                return LinearPlan::WithContact(*on_contact, Extent::Made(solver.level_sizes().to_vec()));
+            }
+            Solver::Saddle(solver) => return LinearPlan::Saddle(Extent::Made(solver.level_sizes().to_vec())),
+        };
+        let levels = Extent::Made(solver.level_sizes().to_vec());
         let plan = if self.of_tangents { LinearPlan::Tangents(levels) } else { LinearPlan::Iterative(levels) };
-        if self.solver.is_applied() { LinearPlan::WithOperator(Box::new(plan), Held::Applied) } else { plan }
+        if solver.is_applied() { LinearPlan::WithOperator(Box::new(plan), Held::Applied) } else { plan }
     }
 }
 
 /// Whether an iteration failed for what another method need not fail for.
 pub(super) fn is_of_iteration(error: &SolveError) -> bool {
-    use SolveError::{NotPositiveDefinite, NotSymmetric, ResidualTooLarge, TooManyIterations};
+    use SolveError::{NotPositiveDefinite, NotSymmetric, ResidualTooLarge, TooManyIterations, VanishingPivot};
     matches!(
         error,
-        NotPositiveDefinite { .. } | NotSymmetric { .. } | TooManyIterations { .. } | ResidualTooLarge { .. }
+        NotPositiveDefinite { .. }
+            | NotSymmetric { .. }
+            | TooManyIterations { .. }
+            | ResidualTooLarge { .. }
+            | VanishingPivot { .. }
     )
 }
 

@@ -13,6 +13,7 @@ mod iterative;
 mod library;
 mod linear_solver;
 mod plan;
+mod saddle;
 mod without_matrix;
 
 #[cfg(test)]

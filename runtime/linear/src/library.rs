@@ -11,7 +11,7 @@ use wfl_discrete::{
     pruning::Pruning,
     system::{FIXED, System},
 };
-use wfl_sparse::solve::{Equations, Traits};
+use wfl_sparse::solve::{Equations, OnContact, Traits};
 
 /// What the choice of a method depends on.
 pub(super) fn traits(system: &System) -> Traits {
@@ -50,8 +50,14 @@ fn nonlinear(system: &System) -> impl Iterator<Item = &AssembledTerm> {
     written.chain(system.frozen().iter().map(|frozen| &frozen.form))
 }
 
-fn is_on_faces(term: &AssembledTerm) -> bool {
+pub(super) fn is_on_faces(term: &AssembledTerm) -> bool {
     term.integrator.domain.over == Over::Facets
+}
+
+/// What is told of unknowns whose bodies and contact are not linear, or why there is no iteration for them.
+pub(super) fn on_contact_by_nodes(system: &System) -> Result<OnContact, String> {
+    let (layout, multipliers) = system.node_layout_with_multipliers()?;
+    Ok(OnContact { layout, multipliers, rows: on_contact(system) })
 }
 
 /// Free dofs that nonlinear terms on faces touch, those of multipliers, and those that these are coupled to: of this rank

@@ -26,7 +26,8 @@ use super::condensation::condenses;
 use super::filtered;
 use super::iterative::{self, Iterative};
 use super::library;
-use super::plan::{Extent, FactorKind, ITERATION, LinearPlan};
+use super::plan::{Extent, FactorKind, GMRES, ITERATION, LinearPlan};
+use super::saddle;
 use super::without_matrix;
 use foreseen::groups;
 use wfl_compiler::types::FieldKind;
@@ -55,7 +56,8 @@ struct Sum {
     pattern: Arc<Pattern>,
     changing: Arc<Pattern>,
     bulk_positions: Vec<usize>,
-    changing_positions: Vec<usize>,
+    /// `None` where the changing part has all entries of the sum, as it has without linear terms: places take as much as values do.
+    changing_positions: Option<Vec<usize>>,
 }
 
 /// What a solution of a library may leave of its right-hand side where a full step solves all equations but for branches
@@ -143,6 +145,9 @@ impl LinearSolver {
         if system.applies_tangents() || iterative::is_chosen(system, method, solutions) {
             return self.iterate_on_tangents(system);
         }
+        if filtered::is_chosen_for_tangents(system, method, solutions) {
+            return self.iterate_on_bodies_with_contact(system);
+        }
         match self.choose_factors(&Factors::of(system, &self.coordinates)) {
             Err(SolveError::TooMuchMemory(_))
                 if method == LinearMethod::Auto && filtered::obstacle_of_filter(system).is_none() =>
@@ -186,6 +191,14 @@ impl LinearSolver {
         library.is_none() && iterative::is_chosen(system, method, solutions) && without_matrix::pays(system)
     }
 
+    /// Whether contact is treated apart from bodies that are not linear; then [`System::keep_faces_apart`] is for it, before its first
+    /// tangent.
+    #[must_use]
+    pub fn needs_faces_apart(system: &System, options: &SolverOptions) -> bool {
+        let SolverOptions { method, solutions, library, .. } = *options;
+        library.is_none() && filtered::is_chosen_for_tangents(system, method, solutions)
+    }
+
     /// The solver that a system asks for; nothing is assembled for it. A linear part that turns out not to be positive
     /// definite changes it.
     #[must_use]
@@ -197,8 +210,10 @@ impl LinearSolver {
         if let Some(iterative) = iterative::plan(system, method, solutions) {
             return without_matrix::plan(system, iterative);
         }
-        if let Some(filtered) = filtered::plan(system, method, solutions) {
-            return filtered;
+        let on_tangents = || filtered::plan_of_tangents(system, method, solutions);
+        let of_motion = || saddle::plan(system, method, solutions);
+        if let Some(plan) = filtered::plan(system, method, solutions).or_else(on_tangents).or_else(of_motion) {
+            return plan;
         }
         let factor = foreseen::factor(system);
         match (system.is_linear(), condenses(system)) {
@@ -235,6 +250,12 @@ impl LinearSolver {
         }
     }
 
+    /// Whether an iteration of our own solves without a factor of the bodies.
+    #[must_use]
+    pub fn has_no_factor(&self) -> bool {
+        self.iterates() || self.spare.is_some()
+    }
+
     /// Factorisations so far: of the bulk, of the whole tangent, and of the condensed part where that was truly made
     /// anew; solutions with an older factor do not count.
     #[must_use]
@@ -269,8 +290,14 @@ impl LinearSolver {
         if self.symmetric && iterative::is_chosen(system, method, solutions) {
             match self.iterate(system) {
                 Err(error @ (SolveError::NotPositiveDefinite { .. } | SolveError::NotSymmetric { .. })) => {
-                    self.note_factor(&error);
+                    self.note_factor(ITERATION, &error);
                 }
+                other => return other,
+            }
+        }
+        if saddle::is_chosen(system, method, solutions) {
+            match self.iterate_on_motion(system) {
+                Err(error) if iterative::is_of_iteration(&error) => self.note_factor(GMRES, &error),
                 other => return other,
             }
         }
@@ -295,9 +322,17 @@ impl LinearSolver {
         Ok(())
     }
 
+    fn iterate_on_motion(&mut self, system: &System) -> Result<(), SolveError> {
+        let layout = saddle::layout(system).map_err(|_| SolveError::NotFactored)?;
+        let source = Source::Stored(without_matrix::assembled(system)?);
+        self.iterative = Some(Iterative::of_saddle(layout, &source, self.options)?);
+        (self.source, self.solver) = (Some(source), None);
+        Ok(())
+    }
+
     /// Says why a factor takes the place of the iteration.
-    fn note_factor(&mut self, error: &SolveError) {
-        self.notes.push(format!("a factor in place of {}: {error}", ITERATION));
+    fn note_factor(&mut self, name: &str, error: &SolveError) {
+        self.notes.push(format!("a factor in place of {name}: {error}"));
     }
 
     /// Takes over a tangent of `system`; `as_written` says that it is that of the laws as they are written.
@@ -331,7 +366,7 @@ impl LinearSolver {
                     Some(operator) => self.take_applied(system, tangent, operator),
                     None => {
                         let sum = self.sum([system.bulk(), &tangent.changing])?;
-                        self.take_tangent(system, sum, keeps)
+                        self.take_tangent(system, (sum, tangent.on_faces()), keeps)
                     }
                 }
             }
@@ -343,12 +378,16 @@ impl LinearSolver {
         let Kind::Full(Some(Sum { pattern, bulk_positions, changing_positions, .. })) = &self.kind else {
             return Err(SolveError::NotFactored);
         };
-        let mut sum = Csr::zeros(pattern.clone());
-        for (part, positions) in parts.into_iter().zip([bulk_positions, changing_positions]) {
-            for (p, v) in positions.iter().zip(part.values()) {
-                sum.values_mut()[*p] += v;
+        let [bulk, changing] = parts;
+        let mut sum = match changing_positions {
+            None => changing.clone(),
+            Some(positions) => {
+                let mut sum = Csr::zeros(pattern.clone());
+                positions.iter().zip(changing.values()).for_each(|(p, v)| sum.values_mut()[*p] += v);
+                sum
             }
-        }
+        };
+        bulk_positions.iter().zip(bulk.values()).for_each(|(p, v)| sum.values_mut()[*p] += v);
         Ok(sum)
     }
 
@@ -413,7 +452,7 @@ impl LinearSolver {
         match &self.kind {
             Kind::Condensed(c) => c.is_negative(),
             // conjugate gradients have met no direction of negative energy
-            _ if self.iterates() => (!self.iterates_on_tangents()).then_some(false),
+            _ if self.iterates() => self.iteration_is_definite().map(|_| false),
             _ => self.solver.as_ref().and_then(|solver| solver.is_negative()),
         }
     }

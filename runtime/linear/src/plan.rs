@@ -63,6 +63,11 @@ pub enum LinearPlan {
         /// What a factor of the bodies would need.
         in_place: u64,
     },
+    /// Whole tangents by GMRES with multigrid of the bodies and a direct solution on so many dofs of contact: bytes of the levels and
+    /// of the factor in their place, or the number of unknowns on each level.
+    WithContact(usize, Extent<(u64, Option<u64>), Vec<usize>>),
+    /// One matrix of a motion and a pressure by GMRES with multigrid of the motion: as [`Self::Iterative`].
+    Saddle(Extent<(u64, Option<u64>), Vec<usize>>),
     /// The whole tangent.
     Whole(FactorKind),
     /// A linked library, which describes itself.
@@ -71,6 +76,8 @@ pub enum LinearPlan {
 
 /// What the method without a factor is called.
 pub(super) const ITERATION: &str = "conjugate gradients with multigrid";
+/// The same where matrices are not positive definite.
+pub(super) const GMRES: &str = "GMRES with multigrid";
 
 impl fmt::Display for FactorKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -111,6 +118,17 @@ impl fmt::Display for LinearPlan {
                 shown(*bytes),
                 shown(*in_place)
             ),
+            Self::WithContact(n, extent) => {
+                write!(
+                    f,
+                    "Newton; whole tangent: GMRES with multigrid, then a direct solution on the {n} dofs of contact"
+                )?;
+                write_extent(f, extent)
+            }
+            Self::Saddle(extent) => {
+                write!(f, "one linear system, of a motion and a pressure: GMRES with multigrid of the motion")?;
+                write_extent(f, extent)
+            }
             Self::Whole(factor) => {
                 write!(f, "Newton; whole tangent, {factor}, factored where an older factor does not serve")
             }
@@ -126,6 +144,11 @@ fn write_iteration(
     extent: &Extent<(u64, Option<u64>), Vec<usize>>,
 ) -> fmt::Result {
     write!(f, "{what}{ITERATION}")?;
+    write_extent(f, extent)
+}
+
+/// What levels take, or are.
+fn write_extent(f: &mut fmt::Formatter<'_>, extent: &Extent<(u64, Option<u64>), Vec<usize>>) -> fmt::Result {
     match extent {
         Extent::Foreseen((levels, in_place)) => {
             write!(f, ", levels of about {}", shown(*levels))?;

@@ -20,7 +20,7 @@ pub(super) fn report(
     run: &Run,
     expectations: &[(wfl::Expect, Option<bool>)],
 ) -> Report {
-    let (clock, solver) = (&run.clock, run.stepper.solver.as_ref().map(LinearSolver::describe));
+    let (clock, solver) = (&run.clock, run.stepper.solver.as_ref().map(|solver| described(solver, &run.steps)));
     let explicit = scene.explicit.as_ref().map(|e| e.describe(&scene.steps));
     let mut report = Report {
         scene: options.name.clone(),
@@ -70,6 +70,16 @@ pub(super) fn report(
         total: options.started.elapsed().as_secs_f64(),
     };
     report
+}
+
+/// The solver in words, with what an iteration took in all steps, those before the run was resumed included.
+fn described(solver: &LinearSolver, steps: &[StepResult]) -> String {
+    let text = solver.describe();
+    let solves = || steps.iter().flat_map(|step| &step.history.solves);
+    match solves().map(|solve| solve.krylov_iterations).sum::<usize>() {
+        n if n > 0 && solver.has_no_factor() => format!("{text}; {n} iterations in {} solutions", solves().count()),
+        _ => text,
+    }
 }
 
 /// Writes which expectations hold.

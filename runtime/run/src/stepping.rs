@@ -266,6 +266,9 @@ impl Stepper {
         if self.solver.is_none() && LinearSolver::needs_no_matrix(scene.system, &self.solver_options) {
             scene.system.leave_matrix()?;
         }
+        if self.solver.is_none() && LinearSolver::needs_faces_apart(scene.system, &self.solver_options) {
+            scene.system.keep_faces_apart()?;
+        }
         let changed = scene.system.begin_step(window)?;
         scene.contact.begin_step(scene.system.step());
         self.tangent.get_or_insert_with(|| scene.system.new_tangent());

@@ -26,8 +26,12 @@ impl System {
             return Err(format!("`{}` is a multiplier: the matrix is not positive definite", field.name));
         }
         let nodes = self.nodes()?;
-        let interpolation = nodes.interpolation(self)?;
+        let interpolation = nodes.interpolation(self, &self.solved_fields())?;
         Ok(NodeLayout { interpolation, ..nodes.layout(self.mesh.dim()) })
+    }
+
+    fn solved_fields(&self) -> Vec<usize> {
+        (0..self.fields.len()).filter(|k| self.numbering.starts[*k].is_some()).collect()
     }
 
     /// The same of a matrix that need not be positive definite: nodes of multipliers come behind the others as their
@@ -43,6 +47,34 @@ impl System {
         Ok((nodes.layout(self.mesh.dim()), rows.collect()))
     }
 
+    /// The same of a motion beside a pressure: rows of other fields than those with a component for each direction have no place.
+    ///
+    /// # Errors
+    /// Why there is no such layout.
+    pub fn node_layout_of_motion(&self) -> Result<NodeLayout, String> {
+        let solved = (0..self.fields.len()).filter(|k| self.range(*k).is_some());
+        let (motion, others): (Vec<usize>, Vec<usize>) = solved.partition(|k| self.fields[*k].n_components > 1);
+        if motion.is_empty() || others.is_empty() {
+            return Err("there is no motion beside a pressure".to_owned());
+        }
+        if let Some(other) = others.iter().find(|k| self.fields[**k].kind != FieldKind::Unknown) {
+            return Err(format!("`{}` is a multiplier", self.fields[*other].name));
+        }
+        if let Some(other) = others.iter().find(|k| matches!(self.fields[**k].space, FieldSpace::Global)) {
+            return Err(format!("`{}` is one value for the whole scene", self.fields[*other].name));
+        }
+        let mut nodes = Nodes { components: self.components_of_nodes_in(&motion)?, ..Nodes::default() };
+        for k in 0..self.fields.len() {
+            let (Some(start), Some(range)) = (self.numbering.starts[k], self.range(k)) else { continue };
+            match &self.fields[k].space {
+                FieldSpace::Nodal(space) if motion.contains(&k) => nodes.add(self, start, nodes.components, space),
+                _ => nodes.places.extend(range.filter(|dof| self.numbering.free[*dof] != FIXED).map(|_| NONE)),
+            }
+        }
+        let interpolation = nodes.interpolation(self, &motion)?;
+        Ok(NodeLayout { interpolation, ..nodes.layout(self.mesh.dim()) })
+    }
+
     fn nodes(&self) -> Result<Nodes, String> {
         let mut nodes = Nodes { components: self.components_of_nodes()?, ..Nodes::default() };
         for (field, start) in self.fields.iter().zip(&self.numbering.starts) {
@@ -55,7 +87,11 @@ impl System {
 
     /// Components of a node, alike in all unknown fields; those of multipliers may be fewer.
     fn components_of_nodes(&self) -> Result<usize, String> {
-        let solved: Vec<usize> = (0..self.fields.len()).filter(|k| self.numbering.starts[*k].is_some()).collect();
+        self.components_of_nodes_in(&self.solved_fields())
+    }
+
+    /// The same of some fields.
+    fn components_of_nodes_in(&self, solved: &[usize]) -> Result<usize, String> {
         let is_multiplier = |k: &usize| self.fields[*k].kind == FieldKind::Multiplier;
         let unknown: Vec<usize> = solved.iter().copied().filter(|k| !is_multiplier(k)).collect();
         let name = |k: usize| &self.fields[k].name;
@@ -136,9 +172,8 @@ impl Nodes {
     }
 
     /// Values at all nodes from those at the vertices of cells; `None` where all nodes are vertices.
-    fn interpolation(&self, system: &System) -> Result<Option<Interpolation>, String> {
-        let solved = (0..system.fields.len()).filter(|k| system.numbering.starts[*k].is_some());
-        let spaces = solved.filter_map(|k| match &system.fields[k].space {
+    fn interpolation(&self, system: &System, solved: &[usize]) -> Result<Option<Interpolation>, String> {
+        let spaces = solved.iter().filter_map(|k| match &system.fields[*k].space {
             FieldSpace::Nodal(space) => Some(space),
             _ => None,
         });

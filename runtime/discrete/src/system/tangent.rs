@@ -45,6 +45,11 @@ impl SceneAxes {
         &self.pattern
     }
 
+    /// What a matrix in the axes of the scene, turned into local frames, gives over the free dofs.
+    pub(super) fn apply_into(&self, turned: &Csr, values: &mut [f64]) {
+        self.map.apply_into(turned, values);
+    }
+
     /// The pattern over the free dofs.
     pub(super) fn free_pattern(&self) -> &Arc<Pattern> {
         self.map.pattern()
@@ -63,6 +68,8 @@ pub struct Tangent {
     pub(super) images: Option<OfImages>,
     /// In place of the matrix, which has no entries then.
     pub(super) applied: Option<AppliedTangent>,
+    /// The part of terms on faces, which the matrix has, too; after [`System::keep_faces_apart`].
+    on_faces: Option<Arc<Csr>>,
 }
 
 /// A term in the place of one of a system.
@@ -99,6 +106,12 @@ impl Tangent {
     pub fn operator(&self) -> Option<Arc<dyn Operator>> {
         let operator = self.applied.as_ref()?.operator.as_ref()?;
         Some(Arc::clone(operator) as Arc<dyn Operator>)
+    }
+
+    /// The part of terms on faces, of the last state that [`System::tangent`] was made at; after [`System::keep_faces_apart`].
+    #[must_use]
+    pub fn on_faces(&self) -> Option<&Arc<Csr>> {
+        self.on_faces.as_ref()
     }
 
     /// Whether it has no matrix.
@@ -175,6 +188,7 @@ impl System {
                 .as_deref()
                 .filter(|_| !self.is_linear())
                 .map(|held| AppliedTangent::new(self.numbering.n_dofs, held.rest.as_ref())),
+            on_faces: None,
         }
     }
 
@@ -201,7 +215,11 @@ impl System {
         }
         let matrix = out.scene_axes.as_mut().unwrap_or(&mut out.changing);
         let result = self.add_tangents(u, branches, &[], matrix);
-        self.turned(out, result)
+        self.turned(out, result)?;
+        if let Some(held) = &self.on_faces {
+            out.on_faces = Some(Arc::new(self.tangent_on_faces(held, u, branches)?));
+        }
+        Ok(())
     }
 
     /// The same as the terms are written, with others in the places of some; [`Self::find_place`] has found theirs.
@@ -241,7 +259,7 @@ impl System {
     fn turned(&self, out: &mut Tangent, result: Result<(), TermError>) -> Result<(), TermError> {
         if let (Some(turned), Some(axes)) = (&mut out.scene_axes, &self.scene_axes) {
             self.numbering.frames.turn_matrix(turned, |d| axes.rows[d] as usize);
-            axes.map.apply_into(turned, out.changing.values_mut());
+            axes.apply_into(turned, out.changing.values_mut());
         }
         if result.is_err() {
             // what was added before the error is no tangent, and no measure of rounding either

@@ -4,12 +4,10 @@ use std::sync::Arc;
 
 use super::{Kind, LinearSolver, Sum, at_points, facing};
 use crate::condensation::condenses;
+use crate::plan::GMRES;
 use wfl_discrete::{pruning::Pruning, system::System};
 use wfl_sparse::csr::{Csr, Pattern};
 use wfl_sparse::solve::{CheckedAtPoints, FilteredMultigrid, Kept, Linked, SolveError, SolveReport, SolverMemory};
-
-/// What the iteration is called where a factor takes its place.
-const FILTERED: &str = "GMRES with multigrid";
 
 /// What factors for contact are made of.
 pub(super) struct Factors {
@@ -62,10 +60,16 @@ impl LinearSolver {
 
     /// Prepares for the sum of the linear part and a part on another pattern.
     pub(super) fn sum_on(&mut self, bulk: &Csr, changing: &Arc<Pattern>) -> Result<(), SolveError> {
-        let pattern = Arc::new(bulk.pattern().union(changing)?);
-        let positions = |part: &Pattern| part.positions_in(&pattern).expect("a part of the union");
-        let (bulk_positions, changing_positions) = (positions(bulk.pattern()), positions(changing));
-        let changing = Arc::clone(changing);
+        let (bulk, changing) = (bulk.pattern(), Arc::clone(changing));
+        let (pattern, bulk_positions, changing_positions) = match bulk.positions_in(&changing) {
+            Some(of_bulk) => (Arc::clone(&changing), of_bulk, None),
+            None => {
+                let union = Arc::new(bulk.union(&changing)?);
+                let positions = |part: &Pattern| part.positions_in(&union).expect("a part of the union");
+                let (of_bulk, of_changing) = (positions(bulk), positions(&changing));
+                (union, of_bulk, Some(of_changing))
+            }
+        };
         self.kind = Kind::Full(Some(Sum { pattern, changing, bulk_positions, changing_positions }));
         Ok(())
     }
@@ -113,7 +117,7 @@ impl LinearSolver {
     fn give_way(&mut self, error: Option<&SolveError>) -> Result<(), SolveError> {
         let Some(factors) = self.spare.take() else { return Err(SolveError::NotFactored) };
         if let Some(error) = error {
-            self.notes.push(format!("a factor in place of {FILTERED}: {error}"));
+            self.notes.push(format!("a factor in place of {GMRES}: {error}"));
         }
         (self.library, self.equations, self.solver) = (None, None, None);
         self.choose_factors(&factors)?;

@@ -24,9 +24,14 @@ impl LinearSolver {
     pub fn is_definite(&self) -> Option<bool> {
         match &self.kind {
             Kind::Condensed(c) => c.is_definite(),
-            _ if self.iterates() => (!self.iterates_on_tangents()).then_some(true),
+            _ if self.iterates() => self.iteration_is_definite(),
             _ => self.solver.as_ref().and_then(|solver| solver.is_definite()),
         }
+    }
+
+    /// Whether the matrix of an iteration is positive definite, where the iteration would not have got to its end otherwise.
+    pub(super) fn iteration_is_definite(&self) -> Option<bool> {
+        self.iterative.as_ref().filter(|iterative| iterative.shows_definite()).map(|_| true)
     }
 
     /// Whether our own solvers factor the whole tangent.

@@ -13,6 +13,7 @@ use wfl_sparse::solve::{LinearMethod, Operator, SolveError, SolveReport, Source}
 
 use super::{Kind, LinearSolver};
 use crate::iterative::{self, Iterative, is_of_iteration};
+use crate::library::on_contact_by_nodes;
 use crate::plan::ITERATION;
 use crate::without_matrix;
 
@@ -32,6 +33,13 @@ impl LinearSolver {
         self.iterative.as_ref().is_some_and(|iterative| iterative.is_at_work() && iterative.is_of_tangents())
     }
 
+    /// Whether GMRES solves whole tangents. Its levels have been positive definite without contact, once in each attempt at a step; where
+    /// they are not, a factor takes its place.
+    #[must_use]
+    pub fn iterates_with_contact(&self) -> bool {
+        self.iterative.as_ref().is_some_and(|iterative| iterative.is_at_work() && iterative.is_of_contact())
+    }
+
     /// Prepares for the iteration on tangents.
     pub(super) fn iterate_on_tangents(&mut self, system: &System) -> Result<(), SolveError> {
         let layout = iterative::layout(system).map_err(|_| SolveError::NotFactored)?;
@@ -40,6 +48,13 @@ impl LinearSolver {
             self.kind = Kind::Full(None);
             return Ok(());
         }
+        self.sum_on(system.bulk(), system.changing_pattern())
+    }
+
+    /// Prepares for GMRES on tangents of bodies with contact.
+    pub(super) fn iterate_on_bodies_with_contact(&mut self, system: &System) -> Result<(), SolveError> {
+        let of = on_contact_by_nodes(system).map_err(|_| SolveError::NotFactored)?;
+        self.iterative = Some(Iterative::of_contact(of, self.options));
         self.sum_on(system.bulk(), system.changing_pattern())
     }
 
@@ -59,9 +74,18 @@ impl LinearSolver {
 
     /// Takes a whole tangent: for the iteration where that is at work, else for a factor. Where no factor fits into the memory
     /// the iteration begins.
-    pub(super) fn take_tangent(&mut self, system: &System, sum: Csr, keeps: bool) -> Result<(), SolveError> {
+    pub(super) fn take_tangent(
+        &mut self,
+        system: &System,
+        (sum, on_faces): (Csr, Option<&Arc<Csr>>),
+        keeps: bool,
+    ) -> Result<(), SolveError> {
         if self.iterates() {
-            return self.take_for_iteration(Source::Stored(Arc::new(sum)));
+            let sum = Arc::new(sum);
+            return self.take_for_iteration(match on_faces {
+                Some(part) => Source::Parted(sum, Arc::clone(part)),
+                None => Source::Stored(sum),
+            });
         }
         match self.take_for_factor(&sum, keeps) {
             Err(need @ SolveError::TooMuchMemory(_))
@@ -92,6 +116,7 @@ impl LinearSolver {
         let Some(iterative) = &mut self.iterative else { return Err(error) };
         let Some(matrix) = self.source.take().and_then(|source| source.matrix()) else { return Err(error) };
         iterative.set_aside(true);
+        let name = iterative.name();
         match self.factor(&matrix) {
             Err(SolveError::TooMuchMemory(_)) => {
                 self.solver = None;
@@ -102,7 +127,7 @@ impl LinearSolver {
         }
         self.given_way += 1;
         if self.given_way == 1 {
-            self.note_factor(&error);
+            self.note_factor(name, &error);
         }
         if self.given_way >= MOST_SET_ASIDE {
             self.iterative = None;
@@ -145,7 +170,8 @@ impl LinearSolver {
             self.set_aside(error)?;
         } else {
             let Some(matrix) = self.source.take().and_then(|source| source.matrix()) else { return Err(error) };
-            self.note_factor(&error);
+            let name = iterative.name();
+            self.note_factor(name, &error);
             self.iterative = None;
             self.factor(&matrix)?;
         }
@@ -159,7 +185,7 @@ impl LinearSolver {
         if !self.iterates_on_tangents() {
             return None;
         }
-        self.iterative.as_mut()?.solver().looks_definite(source).ok()?
+        self.iterative.as_mut()?.looks_definite(source)
     }
 
     /// Whether a tangent that is applied is positive definite by the levels of the iteration; false where that is not known.

@@ -47,7 +47,7 @@ mod triangular_solve;
 
 pub use checked::{CheckedDense, CheckedLdlt, CheckedLlt, CheckedLu};
 pub use condensed::{CheckedAtPoints, CheckedCondensed, DENSE_LIMIT, Elimination, Reference};
-pub use filtered::FilteredMultigrid;
+pub use filtered::{CheckedContact, CheckedSaddle, FilteredMultigrid, OnContact};
 pub use inertia::{Inertia, inertia};
 pub use krylov::{Stop, gmres};
 pub use ldlt::symmetrising;

@@ -32,21 +32,16 @@ pub(super) struct Filter {
 }
 
 impl Filter {
-    /// For the sum of a constant matrix and others on the pattern `changing`; `points` are one for each of `rows`.
+    /// For the sum of a constant matrix and others with the entries of `changing`; `points` are one for each of `rows`.
     ///
     /// # Errors
     /// [`SolveError::TooMuchMemory`].
-    pub(super) fn new(
-        constant: &Csr,
-        changing: &Arc<Pattern>,
-        rows: &[u32],
-        points: &[[f64; 3]],
-    ) -> Result<Self, SolveError> {
-        let mut inside = vec![NONE; constant.n_rows()];
+    pub(super) fn new(constant: &Csr, changing: &Csr, rows: &[u32], points: &[[f64; 3]]) -> Result<Self, SolveError> {
+        let mut inside = vec![NONE; changing.n_rows()];
         rows.iter().zip(0..).for_each(|(row, number)| inside[*row as usize] = number);
         let rows = rows.to_vec();
         let constant = part(constant, &rows, &inside)?;
-        let other = part(&Csr::zeros(Arc::clone(changing)), &rows, &inside)?;
+        let other = part(changing, &rows, &inside)?;
         let pattern = Arc::clone(constant.plus(&other)?.pattern());
         let factor = SparseLu::analyze(&pattern, Some(points), rayon::current_num_threads())?;
         let residual = vec![0.0; rows.len()];
@@ -62,8 +57,8 @@ impl Filter {
         self.factor.factor(&own).map(|_| ())
     }
 
-    /// `z` and the solution on these unknowns of what `z` leaves of `r` there, for the matrix of these parts.
-    pub(super) fn apply(&mut self, parts: [&Csr; 2], r: &[f64], z: &mut [f64]) {
+    /// `z` and the solution on these unknowns of what `z` leaves of `r` there, for the sum of these parts.
+    pub(super) fn apply(&mut self, parts: &[&Csr], r: &[f64], z: &mut [f64]) {
         let rows = &self.rows;
         self.residual.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each(|(chunk, out)| {
             for (out, row) in out.iter_mut().zip(&rows[chunk * ROWS_PER_TASK..]) {

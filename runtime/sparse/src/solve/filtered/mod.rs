@@ -2,15 +2,22 @@
 //!
 //! It is a [`Library`] of this program's own: what is told of the equations, how solutions are checked and how far Newton
 //! asks for them is the same as for a linked one. `engine` is the method, `gmres` the iteration, `filter` the direct
-//! solution on the unknowns of contact; `multigrid` makes the levels.
+//! solution on the unknowns of contact; `multigrid` makes the levels. `tangents` does the same with bodies that are not linear, `saddle` with a
+//! pressure in place of contact.
 
 mod engine;
 mod filter;
 mod gmres;
+mod preconditioner;
+mod saddle;
+mod tangents;
 #[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
+
+pub use saddle::CheckedSaddle;
+pub use tangents::{CheckedContact, OnContact};
 
 use super::SolveError;
 use super::Symmetry;

@@ -32,16 +32,19 @@ impl Cycle {
         Ok(Self { hierarchy, scale: rows.scale(), b: zeros(), x: zeros() })
     }
 
-    /// Makes the levels of a symmetric matrix `constant` for its sum with another part, whose entries are among those of
+    /// Makes the levels of a symmetric matrix, the sum of the parts of `constant`, for its sum with another part, whose entries are among those of
     /// `changing` and which need not be symmetric; [`Self::take`] is to come first. Groups of unknowns, and how coarser levels
     /// move them, are those of the constant part.
     ///
     /// # Errors
     /// [`SolveError::NotPositiveDefinite`] with an unknown of some level where the constant part is not even semi-definite,
     /// [`SolveError::TooMuchMemory`].
-    pub(in crate::solve) fn with_room(constant: &Csr, changing: &Csr, layout: &NodeLayout) -> Result<Self, SolveError> {
-        let parts = [constant];
-        let rows = NodeRows::new(&parts, layout);
+    pub(in crate::solve) fn with_room(
+        constant: &[&Csr],
+        changing: &Csr,
+        layout: &NodeLayout,
+    ) -> Result<Self, SolveError> {
+        let rows = NodeRows::new(constant, layout);
         let (scale, parts) = (rows.scale(), [changing]);
         let room = NodeRows::scaled(&parts, layout, scale).entries();
         let hierarchy = Hierarchy::with_room(&rows, &room, layout)?;

@@ -34,3 +34,4 @@ pub(super) use cycle::Cycle;
 pub use nodes::{Interpolation, NearNullSpace, NodeLayout, scale_of};
 pub use operator::{CoarserLevel, FinestLevel, Operator, OperatorLevels};
 pub use solver::{CheckedMultigrid, Source};
+pub(super) use wear::Wear;

@@ -47,6 +47,8 @@ pub struct CheckedMultigrid {
 pub enum Source {
     /// A matrix.
     Stored(Arc<Csr>),
+    /// A matrix and the part of it that terms on faces have, which need not be symmetric.
+    Parted(Arc<Csr>, Arc<Csr>),
     /// An operator in its place.
     Applied(Arc<dyn Operator>),
 }
@@ -56,7 +58,7 @@ impl Source {
     #[must_use]
     pub fn n_rows(&self) -> usize {
         match self {
-            Self::Stored(matrix) => matrix.n_rows(),
+            Self::Stored(matrix) | Self::Parted(matrix, _) => matrix.n_rows(),
             Self::Applied(operator) => operator.n_rows(),
         }
     }
@@ -65,14 +67,14 @@ impl Source {
     #[must_use]
     pub fn matrix(&self) -> Option<Arc<Csr>> {
         match self {
-            Self::Stored(matrix) => Some(Arc::clone(matrix)),
+            Self::Stored(matrix) | Self::Parted(matrix, _) => Some(Arc::clone(matrix)),
             Self::Applied(operator) => operator.matrix(),
         }
     }
 
     fn multiply(&self, x: &[f64], y: &mut [f64], threads: usize) {
         match self {
-            Self::Stored(matrix) => matrix.multiply(x, y, threads),
+            Self::Stored(matrix) | Self::Parted(matrix, _) => matrix.multiply(x, y, threads),
             Self::Applied(operator) => operator.apply(x, y),
         }
     }
@@ -143,7 +145,7 @@ impl CheckedMultigrid {
         }
         let Some(loaded) = &mut self.loaded else { return Ok(false) };
         match source {
-            Source::Stored(matrix) => {
+            Source::Stored(matrix) | Source::Parted(matrix, _) => {
                 self.check.set_matrix(&[matrix])?;
                 check_symmetry(matrix)?;
             }
@@ -286,7 +288,7 @@ impl CheckedMultigrid {
             let now = norm(&left);
             let has_drifted = now > (1.0 + DRIFT) * norm(self.iteration.residual()) && now <= DRIFT * before;
             let report = match &loaded.source {
-                Source::Stored(matrix) => self.check.judge(&[&**matrix], rhs, x, tolerance),
+                Source::Stored(matrix) | Source::Parted(matrix, _) => self.check.judge(&[&**matrix], rhs, x, tolerance),
                 Source::Applied(operator) => self.check.judge_product(&**operator, (rhs, x), &product, tolerance),
             };
             // rounding in the recursion, or an error that the preconditioner hides: on from the true residual
@@ -321,7 +323,7 @@ impl LinearSolver for CheckedMultigrid {
         };
         let inverse = inverse_norm_estimate(n, &mut solver);
         let norm = match &loaded.source {
-            Source::Stored(matrix) => matrix.norm_1(),
+            Source::Stored(matrix) | Source::Parted(matrix, _) => matrix.norm_1(),
             // of a symmetric matrix that of the rows is that of the columns
             Source::Applied(_) => self.check.norm(),
         };

@@ -11,7 +11,7 @@ const LEVELS: f64 = 15.0;
 
 /// What is known of the levels in use.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Wear {
+pub(in crate::solve) struct Wear {
     /// Iterations for a digit with the matrix of the levels; `None` before a solution.
     for_a_digit: Option<f64>,
     /// Iterations beyond that, in solutions with later matrices.
@@ -21,7 +21,7 @@ pub(super) struct Wear {
 
 impl Wear {
     /// Hears of a solution that took so many iterations to an error, relative to the solution.
-    pub(super) fn hear(&mut self, iterations: usize, error: f64) {
+    pub(in crate::solve) fn hear(&mut self, iterations: usize, error: f64) {
         #[expect(clippy::cast_precision_loss, reason = "a count of iterations")]
         let iterations = iterations as f64;
         let digits = -error.log10();
@@ -35,12 +35,12 @@ impl Wear {
     }
 
     /// The next matrix gets levels of its own.
-    pub(super) fn expire(&mut self) {
+    pub(in crate::solve) fn expire(&mut self) {
         self.is_expired = true;
     }
 
     /// Whether the next matrix is to get levels of its own.
-    pub(super) fn is_over(&self) -> bool {
+    pub(in crate::solve) fn is_over(&self) -> bool {
         self.is_expired || self.lost >= LEVELS
     }
 }

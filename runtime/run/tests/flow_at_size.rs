@@ -1,0 +1,112 @@
+//! A flow with a pressure by GMRES with multigrid of the motion against factors: the same flow, and a number of iterations that does not
+//! grow with the number of cells.
+
+use std::{path::Path, time::Instant};
+
+use wfl::{NoFiles, SourceMap, resolve};
+use wfl_jit::JitBackend;
+use wfl_problem::{Scene, prepare};
+use wfl_run::{Outcome, Quiet, RunOptions, run};
+
+/// Through a channel, with a viscosity that varies by 100 and a force that whirls.
+fn channel(cells: usize, momentum: &str, linear: &str) -> String {
+    format!(
+        r#"wfl 1
+mesh box [0,0,0] to [2,1,1] cells [{}, {cells}, {cells}] tet
+region outlet = faces where x == 2
+region walls  = boundary - outlet
+unknown v : vector P2
+unknown p : scalar P1
+def mu = 0.1*100^(0.5*x)
+term momentum on all : mu*Grad_v:Grad_Test_v - p*Div_Test_v - 10*[z, x*y, -x].Test_v {momentum}
+term continuity on all : -Div_v*Test_p
+fix v = [16*y*(1-y)*z*(1-z), 0, 0] on walls
+measure flow = mean(v(1)) on outlet
+measure pressure = mean(p) on all
+measure power = integral(mu*Grad_v:Grad_v) on all
+solver linear with {linear}
+"#,
+        2 * cells
+    )
+}
+
+fn prepared(text: &str) -> (Option<Scene>, Vec<wfl::Diagnostic>) {
+    let mut sources = SourceMap::new();
+    let main = sources.add("scene.wfl", text.to_owned());
+    let script = resolve(&mut sources, main, &mut NoFiles, &[]);
+    let backend = JitBackend::new().expect("machine code");
+    let made = prepare(&script.value.expect("a script"), Path::new("."), &backend);
+    (made.scene, made.diagnostics)
+}
+
+fn outcome(text: &str, threads: usize) -> Outcome {
+    let scene = prepared(text).0.expect("a scene");
+    let outcome = run(&scene, &RunOptions::without_files(threads, Instant::now()), &mut Quiet).expect("a run");
+    assert!(outcome.converged());
+    outcome
+}
+
+fn solver(outcome: &Outcome) -> String {
+    outcome.report.solver.clone().unwrap_or_default()
+}
+
+fn measures(outcome: &Outcome) -> Vec<f64> {
+    outcome.steps.iter().flat_map(|step| step.measures.iter().map(|(_, value)| *value)).collect()
+}
+
+fn iterations(outcome: &Outcome) -> usize {
+    outcome.steps.iter().flat_map(|step| &step.history.solves).map(|solve| solve.krylov_iterations).sum()
+}
+
+#[test]
+fn a_flow_is_that_of_a_factor() {
+    let [direct, iteration] = ["direct", "gmres, amg"].map(|linear| outcome(&channel(4, "", linear), 2));
+    assert!(solver(&direct).contains("LDLT"), "{}", solver(&direct));
+    let told = solver(&iteration);
+    assert!(
+        told.starts_with("one linear system, of a motion and a pressure: GMRES with multigrid of the motion"),
+        "{told}"
+    );
+    assert!(!told.contains("in place of"), "{told}");
+    for (a, b) in measures(&direct).iter().zip(measures(&iteration)) {
+        assert!((a - b).abs() <= 1e-9 * a.abs(), "{a:e} and {b:e}");
+    }
+}
+
+#[test]
+fn the_number_of_iterations_does_not_grow_with_the_number_of_cells() {
+    let [coarse, fine] = [3, 6].map(|cells| iterations(&outcome(&channel(cells, "", "gmres, amg"), 2)));
+    assert!(10 * fine <= 13 * coarse && fine <= 120, "{coarse} and {fine}");
+}
+
+#[test]
+fn a_flow_has_the_same_bits_for_any_number_of_threads() {
+    let of = |threads| {
+        let outcome = outcome(&channel(3, "", "gmres, amg"), threads);
+        measures(&outcome).iter().map(|value| value.to_bits()).collect::<Vec<_>>()
+    };
+    let one = of(1);
+    assert!([2, 3].iter().all(|threads| of(*threads) == one));
+}
+
+/// A reaction that drives the flow takes its positive energy, and a wind its symmetry: there are no levels.
+#[test]
+fn a_motion_without_levels_gets_a_factor_and_is_told_so() {
+    for (term, why) in [("- 500*v.Test_v", "not positive definite"), ("+ 50*(Grad_v*[1,0,0]).Test_v", "not symmetric")]
+    {
+        let told = solver(&outcome(&channel(3, term, "gmres, amg"), 2));
+        assert!(told.contains("a factor in place of GMRES with multigrid") && told.contains(why), "{told}");
+    }
+}
+
+#[test]
+fn what_stands_against_it_is_told() {
+    let text = channel(3, "", "gmres, amg");
+    let (momentum, end) = (text.find("term momentum").expect("a term"), text.find("fix v").expect("a condition"));
+    let without = format!("{}term momentum on all : Grad_v:Grad_Test_v\n{}", &text[..momentum], &text[end..]);
+    let without = without.replace("unknown p : scalar P1\n", "").replace("measure pressure = mean(p) on all\n", "");
+    let (_, diagnostics) = prepared(&without.replace("mu*Grad_v:Grad_v", "Grad_v:Grad_v"));
+    let told = diagnostics.iter().find(|d| d.code == wfl::Code::E442).expect("E442");
+    let wanted = "`gmres` cannot be used here: the scene is linear, and there is no motion beside a pressure";
+    assert!(told.message.contains(wanted), "{}", told.message);
+}
