@@ -149,7 +149,7 @@ impl ContactTerm {
     /// How a projection differs from what is written: the same at all points.
     fn regularised(&self, projection: usize, regularisation: &Regularisation) -> BranchRegularisation {
         BranchRegularisation {
-            compliance: self.scaling.compliance(projection, regularisation.layer),
+            compliance: self.scaling.taken(projection, regularisation),
             overstress: self.scaling.overstress(projection, regularisation.overstress),
         }
     }
@@ -522,7 +522,10 @@ mod tests {
         let mut data = term.open();
         term.stick_all(&mut data);
         let stuck = data.clone();
-        term.write_regularisation(&Regularisation { layer: 2.0, overstress: 6.0, friction: 1.0 }, &mut data);
+        term.write_regularisation(
+            &Regularisation { layer: 2.0, overstress: 6.0, ..Regularisation::default() },
+            &mut data,
+        );
         assert_eq!(term.n_differing(&stuck, &data), 0);
         for p in &term.projections {
             let expected = BranchRegularisation { compliance: 0.5, overstress: 0.75 };

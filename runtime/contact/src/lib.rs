@@ -276,6 +276,15 @@ impl Contact {
         self.write_regularisation();
     }
 
+    /// Makes contact softer by this factor on its arguments (1: as written); branches as they are.
+    pub fn set_softness(&mut self, softness: f64) {
+        if self.complementarity.regularisation.softness != softness {
+            self.states.clear();
+            self.complementarity.regularisation.softness = softness;
+            self.write_regularisation();
+        }
+    }
+
     fn write_regularisation(&mut self) {
         for (term, data) in self.terms.iter().zip(&mut self.active.terms) {
             term.write_regularisation(&self.complementarity.regularisation, data);

@@ -135,7 +135,7 @@ impl ContactTerm {
 
     fn squared_defect(&self, k: usize, p: &Projection, law: &Complementarity, out: &[f64]) -> f64 {
         let ratio = self.scaling.ratio(k, law);
-        let left = 1.0 - self.scaling.compliance(k, law.regularisation.layer);
+        let left = 1.0 - self.scaling.taken(k, &law.regularisation);
         let x = &out[p.output..][..p.n];
         match p.kind {
             ProjectionKind::HalfLine => {

@@ -1,4 +1,4 @@
-//! The law of contact between what is easy to solve and what is written: one homotopy with three parameters.
+//! The law of contact between what is easy to solve and what is written: one homotopy with four parameters.
 
 /// Factor on friction of a law as it is written: one, by definition.
 pub(super) const AS_WRITTEN: f64 = 1.0;
@@ -22,11 +22,13 @@ pub struct Regularisation {
     pub overstress: f64,
     /// Factor on the radius of friction; 1 as written.
     pub friction: f64,
+    /// Factor on the arguments of projections, behind the layer; 1 as written.
+    pub softness: f64,
 }
 
 impl Default for Regularisation {
     fn default() -> Self {
-        Self { layer: f64::INFINITY, overstress: 0.0, friction: 1.0 }
+        Self { layer: f64::INFINITY, overstress: 0.0, friction: AS_WRITTEN, softness: AS_WRITTEN }
     }
 }
 
@@ -83,11 +85,12 @@ mod tests {
     }
 
     #[test]
-    fn each_of_the_three_parameters_makes_a_law_another_one() {
+    fn each_of_the_parameters_makes_a_law_another_one() {
         let written = Regularisation::default();
         assert!(written.is_as_written());
         assert!(!Regularisation { overstress: 1e-300, ..written }.is_as_written());
         assert!(!Regularisation { friction: 0.999, ..written }.is_as_written());
+        assert!(!Regularisation { softness: 0.999, ..written }.is_as_written());
         let mut compliant = written;
         compliant.set_compliant(true);
         assert!(!compliant.is_as_written());

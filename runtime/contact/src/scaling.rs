@@ -3,7 +3,8 @@
 use wfl_compiler::ir::LANES;
 
 use super::{
-    Complementarity, ContactTerm, flexibility,
+    Complementarity, ContactTerm, Regularisation, flexibility,
+    regularisation::AS_WRITTEN,
     slopes::{is_displacement, lengthening},
     term::{STIFF, Scaling},
 };
@@ -48,6 +49,15 @@ impl Scaling {
     /// The part of the argument of projection `k` that a compliant layer takes.
     pub(super) fn compliance(&self, k: usize, layer: f64) -> f64 {
         if self.slopes[k] > 0.0 { 1.0 / (1.0 + layer * self.ratios[k]) } else { 0.0 }
+    }
+
+    /// The part of the argument of projection `k` that a law which differs from what is written takes.
+    pub(super) fn taken(&self, k: usize, regularisation: &Regularisation) -> f64 {
+        let compliance = self.compliance(k, regularisation.layer);
+        if regularisation.softness == AS_WRITTEN || self.slopes[k] == 0.0 {
+            return compliance;
+        }
+        1.0 - (1.0 - compliance) * regularisation.softness
     }
 
     /// The part of the argument beyond its bound that overstress keeps in the value of projection `k`. What passes
@@ -171,7 +181,6 @@ fn median(mut list: Vec<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Regularisation;
 
     /// Bodies of stiffness 4 against an argument with the slope gamma.
     fn scaling(gamma: f64) -> Scaling {
@@ -212,6 +221,24 @@ mod tests {
         let compliance = s.compliance(0, 0.5);
         assert!(compliance > 0.9, "{compliance}");
         assert!((s.ratio(0, &law) * (1.0 - compliance) - 0.1).abs() < 1e-15);
+    }
+
+    #[test]
+    fn softer_contact_has_a_part_of_its_argument_as_if_that_were_written() {
+        let soft = |softness: f64, layer: f64| {
+            let regularisation = Regularisation { softness, layer, ..Regularisation::default() };
+            let law = Complementarity { regularisation, ..Complementarity::default() };
+            let s = scaling(40.0);
+            (s.taken(0, &regularisation), s.ratio(0, &law))
+        };
+        let written = soft(1.0, f64::INFINITY);
+        assert_eq!(written.0, 0.0);
+        assert_eq!(soft(0.25, f64::INFINITY), (0.75, written.1), "points are chosen as they are");
+        let (layer, _) = soft(1.0, 0.5);
+        assert!((1.0 - soft(0.25, 0.5).0 - 0.25 * (1.0 - layer)).abs() < 1e-15, "behind a layer");
+        let of_none = Scaling { ratios: vec![1.0], slopes: vec![0.0], stiffness: 4.0, ..Scaling::default() };
+        let softer = Regularisation { softness: 0.5, ..Regularisation::default() };
+        assert_eq!(of_none.taken(0, &softer), 0.0, "an argument of no displacement stays");
     }
 
     #[test]

@@ -71,6 +71,10 @@ fn the_law_as_written_comes_back_with_its_regularisation() {
     assert!(!contact.is_as_written());
     contact.set_friction(1.0);
     assert!(contact.is_as_written() && contact.active_set() == &before);
+    contact.set_softness(0.5);
+    assert!(!contact.is_as_written() && contact.active_set() != &before);
+    contact.set_softness(1.0);
+    assert!(contact.is_as_written() && contact.active_set() == &before);
 }
 
 #[test]

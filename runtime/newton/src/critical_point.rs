@@ -22,7 +22,7 @@ const DOWNHILL_LEFT: f64 = 0.1;
 const UPHILL_LEFT: f64 = 0.5;
 /// A full step that leaves this part of the residual norm is taken: Newton converges there, and a better length costs another
 /// residual.
-const GOOD: f64 = 0.25;
+pub(super) const GOOD: f64 = 0.25;
 /// More than this part of the residual norm is much: with less the bodies have all but arrived, and contact decides the step.
 const OPEN: f64 = 0.1;
 /// Most trials, and the longest way in units of the correction: six doublings, and halvings of a logarithm from there to

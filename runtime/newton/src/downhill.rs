@@ -6,6 +6,10 @@
 //! Nocedal and Wright, Numerical Optimization, 2006, 3.4), followed to where the energy is the least (`critical_point`). Near a
 //! minimum s is zero, and the iteration is Newton's.
 //!
+//! Where it is friction alone that has no energy, the whole of A is shifted by what makes its symmetric part positive definite: the
+//! residual falls along such a direction, which is Newton's where s is zero. Friction itself may ask for a shift at the solution, so
+//! Newton's correction is tried first once branches stay.
+//!
 //! Promises: directions that go downhill in an energy that there is. Of a tangent that is not symmetric (joints that soften and rub)
 //! the symmetric part is what leads, which is a guess that the search along it judges. Needs displacements alone and factors; does
 //! nothing where there are none. Does not say when to begin.
@@ -14,7 +18,7 @@ use std::time::Instant;
 
 use super::{
     LoadStep, NewtonError,
-    critical_point::CriticalPoint,
+    critical_point::{CriticalPoint, GOOD},
     load_step::{Measured, Norm},
 };
 use wfl_compiler::types::FieldKind;
@@ -37,6 +41,8 @@ const N_SHIFTS: i32 = 17;
 pub(super) struct Downhill {
     /// The number of the shift that the next indefinite tangent is tried with first.
     first: i32,
+    /// The last iteration left all branches as they were.
+    pub(super) is_settled: bool,
     /// The factor made last; its analysis serves the next one.
     made: Option<CheckedLlt>,
 }
@@ -52,6 +58,12 @@ impl Downhill {
         let mut of_bodies = system.terms.iter().filter(|t| t.on_cells());
         let rest_is_symmetric = of_bodies.all(|t| t.law.symmetric);
         !system.is_symmetric() && system.has_curved_faces() && rest_is_symmetric && Self::may_serve(system)
+    }
+
+    /// Whether bodies that are not linear have an energy, and friction beside it none.
+    pub(super) fn rubs(system: &System) -> bool {
+        let rest_is_symmetric = system.terms.iter().filter(|t| t.on_cells()).all(|t| t.law.symmetric);
+        !system.is_symmetric() && system.has_nonlinear_bodies() && rest_is_symmetric && Self::may_serve(system)
     }
 
     /// Not where sides meet at other places with each step: forces that end at edges have no energy, and the way to it leads off them.
@@ -83,10 +95,23 @@ impl Downhill {
         norm: &Norm,
     ) -> Result<Option<(f64, Measured)>, NewtonError> {
         let tangent = if Self::serves(step) { Shifted::part_of(step) } else { None };
-        match tangent.and_then(|tangent| self.factor(step, &tangent)) {
-            Some(_) => self.go(step, u, here, norm),
-            None => Ok(None),
+        let Some(tangent) = tangent else { return Ok(None) };
+        let Some(shift) = self.factor(step, &tangent) else { return Ok(None) };
+        if Self::rubs(step.system) {
+            let rhs = step.opposite(&here.residual);
+            if self.is_settled
+                && let Some(taken) = correct_much(step, &rhs, u, here, norm)?
+            {
+                return Ok(Some(taken));
+            }
+            if tangent.shift_whole(step, shift) {
+                let mut direction = Vec::new();
+                step.factor()?;
+                step.solve(&rhs, &mut direction, 0.0)?;
+                return follow(step, &direction, u, here, norm);
+            }
         }
+        self.go(step, u, here, norm)
     }
 
     /// A step along the direction of the factor made last.
@@ -102,11 +127,45 @@ impl Downhill {
         let mut direction = vec![0.0; rhs.len()];
         step.spent.linear_solves += 1;
         made.solve(&rhs, &mut direction)?;
-        let start = u.to_vec();
-        let allowed = step.longest_step(&start, &direction, 1.0);
-        let search = CriticalPoint { direction: &direction, norm, follows_turns: false, allowed };
-        search.descend(step, u, &start, here)
+        follow(step, &direction, u, here, norm)
     }
+}
+
+/// Newton's correction where it leaves little of the residual: near a solution that is not a minimum of anything a shift only
+/// makes it slow. The state is as it was where it does not.
+fn correct_much(
+    step: &mut LoadStep<'_>,
+    rhs: &[f64],
+    u: &mut [f64],
+    here: &Measured,
+    norm: &Norm,
+) -> Result<Option<(f64, Measured)>, NewtonError> {
+    let (start, mut direction) = (u.to_vec(), Vec::new());
+    let solved = step.factor().and_then(|()| step.solve(rhs, &mut direction, 0.0));
+    if solved.is_ok() && step.longest_step(&start, &direction, 1.0) == 1.0 {
+        step.go(&start, &direction, 1.0, u);
+        if let Ok(found) = step.measure(u, norm)
+            && (found.norm <= GOOD * here.norm || found.stop(step.options).is_some())
+        {
+            return Ok(Some((1.0, found)));
+        }
+        u.copy_from_slice(&start);
+    }
+    Ok(None)
+}
+
+/// A step along a direction to where the energy is the least; `None` where it does not go down.
+fn follow(
+    step: &mut LoadStep<'_>,
+    direction: &[f64],
+    u: &mut [f64],
+    here: &Measured,
+    norm: &Norm,
+) -> Result<Option<(f64, Measured)>, NewtonError> {
+    let start = u.to_vec();
+    let allowed = step.longest_step(&start, direction, 1.0);
+    let search = CriticalPoint { direction, norm, follows_turns: false, allowed };
+    search.descend(step, u, &start, here)
 }
 
 /// The shift with a number, in parts of the sums of rows; -1 is none.
@@ -158,6 +217,12 @@ impl Shifted {
         self.matrix.plus(&Csr::from_triplets(n, n, &entries).ok()?).ok()
     }
 
+    /// Shifts the whole tangent at hand, of which this is the symmetric part; false where its pattern has no place for that.
+    fn shift_whole(&self, step: &mut LoadStep<'_>, shift: f64) -> bool {
+        let changing = &mut step.tangent.changing;
+        shift == 0.0 || self.sizes.iter().enumerate().all(|(k, size)| changing.add_to(k, k, shift * size))
+    }
+
     /// Leaves in `made` the factor with the first shift that makes the tangent positive definite: its number, that of none being -1.
     /// Where none does not serve the search begins with the number `first`, which is taken if it serves.
     pub(super) fn factor(&self, step: &LoadStep<'_>, first: i32, made: &mut Option<CheckedLlt>) -> Option<i32> {
@@ -195,7 +260,11 @@ fn acts_as_force(system: &System, field: usize, diagonal: &[f64]) -> bool {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::{Silent, test_block::LAPLACE, tests::Solving};
+    use crate::{
+        Silent,
+        test_block::{CUBIC, LAPLACE, PENALTY_WITH_FRICTION},
+        tests::Solving,
+    };
 
     /// A matrix of 4 unknowns of two pairs that are coupled, with eigenvectors (1, 1) and (1, -1).
     pub(crate) fn shifted(diagonal: f64, beside: f64) -> Shifted {
@@ -220,5 +289,25 @@ pub(super) mod tests {
             );
             assert!(shift(N_SHIFTS - 1) > 1.0);
         });
+    }
+
+    /// A body that is not linear on a floor with friction: friction has no energy, the body has one.
+    #[test]
+    fn a_shift_of_the_whole_tangent_is_that_of_its_symmetric_part() {
+        let mut solving = Solving::new(&[LAPLACE, CUBIC, "[-4,2].Test_u"], &[PENALTY_WITH_FRICTION]);
+        solving.with(&mut Silent, |step, u| {
+            assert!(Downhill::rubs(step.system) && !Downhill::suits(step.system));
+            step.assemble_tangent(u, false).unwrap();
+            let tangent = Shifted::part_of(step).expect("its symmetric part");
+            let before = step.tangent.changing.clone();
+            assert!(tangent.shift_whole(step, 0.0) && step.tangent.changing.values() == before.values());
+            assert!(tangent.shift_whole(step, 0.5));
+            for (k, size) in tangent.sizes.iter().enumerate() {
+                let added = step.tangent.changing.get(k, k) - before.get(k, k);
+                assert!((added - 0.5 * size).abs() < 1e-12 * size, "{added} {size}");
+            }
+        });
+        let linear = crate::test_block::Block::new(1, &[LAPLACE], &[PENALTY_WITH_FRICTION]);
+        assert!(!Downhill::rubs(&linear.system), "of linear bodies paths and active sets are known");
     }
 }

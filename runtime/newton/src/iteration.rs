@@ -3,6 +3,7 @@
 use super::{
     Evaluated, LARGEST_TOLERANCE, LoadStep, Method, NewtonError, StepHistory, Stop,
     downhill::Downhill,
+    hold::Hold,
     inexact::Inexact,
     initial_guess::Predicted,
     line_search::LineSearch,
@@ -10,7 +11,7 @@ use super::{
     path_following::Path,
     refinement,
     rest::Rest,
-    schedule::{BUDGET_OF_PATHS, Schedule},
+    schedule::{ALL_OF_STIFFNESS, BUDGET_OF_PATHS, Schedule},
     swallowed,
 };
 use wfl_contact::Contact;
@@ -64,29 +65,6 @@ struct Attempt<'u> {
     holds: Option<Hold>,
 }
 
-/// A stiffness at one free dof: that which its body has there.
-struct Hold {
-    free: usize,
-    stiffness: f64,
-}
-
-impl Hold {
-    /// Of a tangent with a null vector: the dof that moves most, of those at which a stiffness can be added.
-    fn of(step: &LoadStep<'_>, error: &NewtonError) -> Option<Self> {
-        let NewtonError::Solve(SolveError::Singular { mode, .. }) = error else { return None };
-        let changing = &step.tangent.changing;
-        let pattern = changing.pattern();
-        let stiffness = |free: usize| (step.system.bulk().get(free, free) + changing.get(free, free)).abs();
-        let fits = |free: usize| {
-            let columns = &pattern.columns()[pattern.row_starts()[free]..pattern.row_starts()[free + 1]];
-            columns.contains(&(free as u32)) && stiffness(free) > 0.0
-        };
-        let moved = mode.values().iter().enumerate().filter(|(free, x)| **x != 0.0 && fits(*free));
-        let (free, _) = moved.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-        Some(Self { free, stiffness: stiffness(free) })
-    }
-}
-
 /// Solves a step from `u`, or from `predicted` where that is better.
 pub(super) fn iterate(
     step: &mut LoadStep<'_>,
@@ -95,6 +73,7 @@ pub(super) fn iterate(
 ) -> Result<StepHistory, NewtonError> {
     (step.linear, step.reached) = (LinearTerms::ByMatrix, None);
     step.contact.set_overstress(0.0);
+    step.contact.set_softness(1.0);
     let schedule = Schedule::new(step, u, predicted.map(|predicted| &predicted.state[..]));
     step.contact.set_compliant(schedule.method() == Method::Compliance);
     let weights = vec![1.0; step.system.fields.len()];
@@ -165,14 +144,19 @@ fn begin(
 impl Attempt<'_> {
     fn run(&mut self, step: &mut LoadStep<'_>) -> Result<(), NewtonError> {
         let (mut room, mut room_of_paths) = (step.options.max_iterations, BUDGET_OF_PATHS);
+        let mut room_of_stiffness = ALL_OF_STIFFNESS;
         let (mut before, mut least, mut left, mut number) = (None, None, false, 0);
         while room > 0 && !self.ended {
             number += 1;
             if step.watch.stops() {
                 return Err(NewtonError::Stopped);
             }
-            // paths have a limit of their own
-            let rooms = if self.path.is_some() && room_of_paths > 0 { &mut room_of_paths } else { &mut room };
+            // paths and contact that gets stiffer have limits of their own
+            let rooms = match self.schedule.method() {
+                _ if self.path.is_some() && room_of_paths > 0 => &mut room_of_paths,
+                Method::Stiffening if room_of_stiffness > 0 => &mut room_of_stiffness,
+                _ => &mut room,
+            };
             *rooms -= 1;
             let solves = number == 1 && step.solves_once && self.here.relative > self.here.floor;
             let stop = if solves { None } else { self.confirmed(step)? };
@@ -244,6 +228,7 @@ impl Attempt<'_> {
         // other methods may have been tried since
         step.contact.set_compliant(false);
         step.contact.set_overstress(0.0);
+        step.contact.set_softness(1.0);
         self.norm.frozen = false;
         step.assemble_tangent(self.u, false)?;
         self.here = step.measure(self.u, &self.norm)?;
@@ -302,6 +287,7 @@ impl Attempt<'_> {
 
     /// Refines a state whose residual is rounding, where that helps.
     fn finish(&mut self, step: &mut LoadStep<'_>, stop: Stop) -> Result<(), NewtonError> {
+        step.contact.set_softness(1.0);
         if self.loose.is_some() {
             // with what was held along the way a solution may be one of many
             step.assemble_tangent(self.u, self.norm.frozen)?;
@@ -357,6 +343,7 @@ impl Attempt<'_> {
         let method = self.schedule.method();
         self.path = None;
         self.norm.frozen = method.freezes();
+        step.contact.set_softness(1.0);
         if method.is_path() {
             step.contact.set_compliant(false);
             step.contact.set_overstress(0.0);
@@ -376,8 +363,26 @@ impl Attempt<'_> {
                 step.contact.stick_everywhere();
             }
             step.contact.set_compliant(method == Method::Compliance);
+            if method == Method::Stiffening {
+                self.soften(step)?;
+            }
         }
         self.here = step.measure(self.u, &self.norm)?;
+        Ok(())
+    }
+
+    /// Makes contact no stiffer than the bodies, with the active set of the state at hand.
+    fn soften(&mut self, step: &mut LoadStep<'_>) -> Evaluated<()> {
+        step.contact.stick_everywhere();
+        step.assemble_tangent(self.u, true)?;
+        let softness = step.softness_of_bodies();
+        self.schedule.soften(softness);
+        if softness == 1.0 {
+            // there is nothing to make stiffer
+            self.schedule.give_up();
+        }
+        step.contact.freeze_as_written(step.system, self.u);
+        step.contact.set_softness(self.schedule.softness());
         Ok(())
     }
 
@@ -404,6 +409,8 @@ impl Attempt<'_> {
     /// A step downhill in the energy; none, and no other, where there is no way.
     fn go_downhill(&mut self, step: &mut LoadStep<'_>) -> Result<(f64, Measured), NewtonError> {
         let from = self.u.to_vec();
+        let mut last = self.history.iterations.iter().rev().map(|i| i.fingerprint);
+        self.downhill.is_settled = last.next() == last.next();
         if let Some(taken) = self.downhill.advance(step, self.u, &self.here, &self.norm)? {
             return Ok(taken);
         }
@@ -528,6 +535,7 @@ impl Attempt<'_> {
         let changes = step.contact.update(self.schedule.iterations());
         self.schedule.hear(alpha, changes.share(), self.here.relative);
         step.contact.set_overstress(self.schedule.overstress());
+        step.contact.set_softness(self.schedule.softness());
         self.here.residual = step.system.frozen_residual(&self.here.written, self.u, step.contact.active_set())?;
         Ok(changes.changed)
     }

@@ -13,6 +13,7 @@ mod critical_point;
 mod downhill;
 mod error;
 mod history;
+mod hold;
 mod homotopy;
 mod inexact;
 mod initial_guess;

@@ -382,6 +382,17 @@ impl LoadStep<'_> {
         Ok(())
     }
 
+    /// The factor on the arguments of contact with which it is no stiffer than the bodies are; the tangent is that of linear bodies
+    /// with all contact closed.
+    pub(super) fn softness_of_bodies(&self) -> f64 {
+        let (contact, bodies) = (&self.tangent.changing, self.system.bulk());
+        let diagonals = (0..contact.n_rows()).map(|k| (contact.get(k, k), bodies.get(k, k)));
+        let touched = diagonals.filter(|(contact, _)| *contact > 0.0);
+        let (contact, bodies) = touched.fold((0.0, 0.0), |sums, of| (sums.0 + of.0, sums.1 + of.1));
+        let (contact, bodies) = (self.system.team().total(contact), self.system.team().total(bodies));
+        if bodies > 0.0 { (bodies / contact).min(1.0) } else { 1.0 }
+    }
+
     /// Whether the tangent may be one beside which the bodies are rounding: then a flatter one shows the way.
     fn is_unresolved(&self, error: &SolveError) -> bool {
         use SolveError::{ResidualTooLarge, Singular, VanishingPivot};

@@ -31,6 +31,8 @@ pub enum Method {
     Branch,
     /// Downhill in the energy, with a tangent that is made positive definite (`downhill`).
     Downhill,
+    /// As the active set, while a layer between the sides grows from the stiffness of the bodies to none.
+    Stiffening,
 }
 
 impl Method {
@@ -45,6 +47,7 @@ impl Method {
             Self::Overstress => "overstress",
             Self::LessFriction => "friction from below",
             Self::MoreFriction => "friction from above",
+            Self::Stiffening => "stiffness from below",
             Self::Path => "path",
             Self::PathFromStart => "path from start",
             Self::Residual => "residual",
@@ -67,7 +70,7 @@ impl Method {
         Self::ALL.get(number).copied()
     }
 
-    const ALL: [Self; 14] = [
+    const ALL: [Self; 15] = [
         Self::Start,
         Self::Predictor,
         Self::ActiveSet,
@@ -82,6 +85,7 @@ impl Method {
         Self::Refinement,
         Self::Branch,
         Self::Downhill,
+        Self::Stiffening,
     ];
 
     /// True if a piecewise linear path is followed.

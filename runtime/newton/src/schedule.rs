@@ -35,12 +35,14 @@ enum Trait {
     Energy,
     /// The same but for laws on faces: joints that soften, and rub.
     NearEnergy,
+    /// Bodies that are not linear go to where their energy is the least, but friction has none.
+    Rubs,
 }
 
 impl Trait {
     /// True if all steps of a scene have it or none.
     fn is_of_the_scene(self) -> bool {
-        matches!(self, Self::Contact | Self::Friction | Self::Affine | Self::Energy | Self::NearEnergy)
+        matches!(self, Self::Contact | Self::Friction | Self::Affine | Self::Energy | Self::NearEnergy | Self::Rubs)
     }
 
     /// What a step with it is like, and one without; `None` for a trait of the scene.
@@ -49,7 +51,7 @@ impl Trait {
             Self::Warm => Some(("after a converged step", "without a converged step before")),
             Self::Stiff => Some(("stiff contact", "contact not stiff")),
             Self::OverConstrained => Some(("contact binds the stresses", "contact leaves the stresses free")),
-            Self::Contact | Self::Friction | Self::Affine | Self::Energy | Self::NearEnergy => None,
+            Self::Contact | Self::Friction | Self::Affine | Self::Energy | Self::NearEnergy | Self::Rubs => None,
         }
     }
 }
@@ -65,7 +67,9 @@ enum Stall {
     NoProgress,
     /// At once where most of the last steps are short and the residual does not fall.
     ShortSteps,
-    /// The same, and where steps of any length do not make the residual smaller than it ever was: they may go round.
+    /// With its budget, or before that where most of the last steps are short and the residual does not fall.
+    Fruitless,
+    /// As [`Stall::ShortSteps`], and where steps of any length do not make the residual smaller than it ever was: they may go round.
     Circling,
 }
 
@@ -89,6 +93,9 @@ struct Stage {
 const PATH_BUDGET: usize = 150;
 /// Breakpoints that all paths of an attempt may pass beside its iterations: as many paths as a schedule has.
 pub(super) const BUDGET_OF_PATHS: usize = 3 * PATH_BUDGET;
+/// Iterations while contact gets stiffer, beside the others of an attempt: five for each factor of four, up to what is ten million
+/// times as stiff as the bodies.
+pub(super) const ALL_OF_STIFFNESS: usize = 60;
 /// Iterations in a row that may pass with short steps or without a smaller residual: two short steps were
 /// tested and rejected (`docs/newton.md`).
 const PATIENCE: usize = 6;
@@ -107,7 +114,7 @@ const fn stage(
 /// The schedule. `docs/newton.md` has what it does.
 const SCHEDULE: &[Stage] = {
     use Method as M;
-    use Trait::{Affine, Contact, Energy, Friction, NearEnergy, OverConstrained, Stiff, Warm};
+    use Trait::{Affine, Contact, Energy, Friction, NearEnergy, OverConstrained, Rubs, Stiff, Warm};
     /// Iterations for all parts of friction, and some with friction as it is written: the last part has to converge.
     const ALL_OF_FRICTION: usize = FRICTION_PARTS * FRICTION_BUDGET + 10;
     &[
@@ -126,13 +133,17 @@ const SCHEDULE: &[Stage] = {
         stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, OverConstrained, Warm], &[]),
         stage(M::Downhill, 50, Stall::Never, &[Contact, Energy], &[]),
         stage(M::Downhill, 50, Stall::Never, &[Contact, NearEnergy], &[]),
+        stage(M::Stiffening, ALL_OF_STIFFNESS, Stall::Never, &[Contact, Energy, Affine], &[]),
         stage(M::Compliance, 8, Stall::Settled, &[Contact, Stiff], &[]),
         stage(M::ActiveSet, 25, Stall::NoProgress, &[Contact, Stiff], &[]),
         stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Affine], &[]),
+        stage(M::Stiffening, ALL_OF_STIFFNESS, Stall::Never, &[Contact, Affine], &[Energy, OverConstrained]),
         stage(M::PathFromStart, PATH_BUDGET, Stall::Never, &[Contact, Affine, Warm], &[]),
         // before the searches on the residual, which take long and seldom help where active sets circle
-        stage(M::LessFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction], &[OverConstrained]),
+        stage(M::LessFriction, ALL_OF_FRICTION, Stall::Never, &[Contact, Friction], &[OverConstrained, Rubs]),
+        stage(M::LessFriction, ALL_OF_FRICTION, Stall::Fruitless, &[Contact, Friction, Rubs], &[OverConstrained]),
         stage(M::Path, PATH_BUDGET, Stall::Never, &[Contact, Friction, Affine], &[OverConstrained]),
+        stage(M::Downhill, 50, Stall::NoProgress, &[Contact, Rubs], &[]),
         stage(M::Natural, 50, Stall::Never, &[Contact], &[Stiff]),
         stage(M::Residual, PATIENCE, Stall::ShortSteps, &[], &[Energy, NearEnergy]),
         stage(M::Residual, PATIENCE, Stall::Circling, &[Energy], &[]),
@@ -306,6 +317,19 @@ impl Schedule {
         if self.method() == Method::Overstress {
             self.homotopy.hear(changed, residual);
         }
+        if self.method() == Method::Stiffening && step == 1.0 && changed == 0.0 {
+            self.homotopy.stiffen();
+        }
+    }
+
+    /// Begins with contact that is softer by this factor.
+    pub(super) fn soften(&mut self, softness: f64) {
+        self.homotopy.soften(softness);
+    }
+
+    /// The factor on the arguments of contact, 1 but while its stiffness grows.
+    pub(super) fn softness(&self) -> f64 {
+        if self.method() == Method::Stiffening { self.homotopy.softness() } else { 1.0 }
     }
 
     /// Counts an iteration; true if it is the first of another stage.
@@ -326,6 +350,7 @@ impl Schedule {
             Stall::Never => spent,
             Stall::Settled => spent || (self.iterations > 1 && self.settled),
             Stall::NoProgress => (spent || self.is_stuck(history)) && !self.progresses(history),
+            Stall::Fruitless => spent || self.iterations > PATIENCE + 1 && steps_are_short(history),
             Stall::ShortSteps => spent && steps_are_short(history),
             Stall::Circling => spent && (steps_are_short(history) || self.circles(history)),
         }
@@ -380,7 +405,10 @@ fn energy_of(system: &System) -> Option<Trait> {
     if Downhill::suits(system) {
         return Some(Trait::Energy);
     }
-    Downhill::nearly_suits(system).then_some(Trait::NearEnergy)
+    if Downhill::nearly_suits(system) {
+        return Some(Trait::NearEnergy);
+    }
+    Downhill::rubs(system).then_some(Trait::Rubs)
 }
 
 fn selected(traits: &[Trait]) -> impl Iterator<Item = Stage> + '_ {

@@ -218,6 +218,16 @@ names in parentheses are those of the table and of histories.
    the iteration is Newton's. It follows method 1, and method 6 without contact once ten iterations found no smaller
    residual. Joints that soften and rub are not of an energy by their friction alone: there it is the symmetric part of A
    that leads. It needs factors of whole tangents: not on several ranks, with PETSc, or where conjugate gradients solve.
+   Bodies that are not linear have an energy, too, where friction beside them has none: after methods 1 and 5 the whole of A is
+   shifted by the s that makes its symmetric part definite. The residual then falls along the direction, which is Newton's where s
+   is zero; where branches stay Newton's correction is tried first, since friction may ask for a shift at the solution. Method 5
+   is left there as soon as most of its steps are short: pressed nearly incompressible, such bodies took hundreds of iterations.
+10. **Stiffness from below** (`stiffness from below`), with linear bodies. Contact begins no stiffer than the bodies (by the
+   diagonals of their matrices, all points closed) with the active set of the state at hand; method 1 solves that, and
+   each time it is solved contact gets four times as stiff, up to what is written. A penalty a million times as stiff as
+   the bodies, with more points in a cell than directions for it to give way in, is solved in 40 to 60 iterations that way;
+   wrong branches lead to forces as wrong otherwise, and every method above circles. It follows method 9 where there is an energy,
+   else the first path of method 4, and has 60 iterations beside those of `max_iter`.
 
 **Stiffness of the bodies.** It is the mean of their matrix diagonal at the contact nodes. If that is a hundred times
 the stiffness against random forces there, the latter is used: nearly incompressible bodies, or one body that is far

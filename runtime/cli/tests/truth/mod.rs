@@ -31,6 +31,7 @@ mod states;
 mod steep;
 mod units;
 mod walls;
+mod wandering;
 
 use std::path::Path;
 

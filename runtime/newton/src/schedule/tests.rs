@@ -37,6 +37,57 @@ fn a_scene_with_an_energy_goes_downhill_before_what_follows_the_residual() {
 }
 
 #[test]
+fn contact_of_linear_bodies_gets_stiffer_from_below_behind_what_comes_first() {
+    use Method as M;
+    use Trait as T;
+    let energy = methods(&[T::Contact, T::Affine, T::Energy]);
+    assert_eq!(energy[..4], [M::ActiveSet, M::Downhill, M::Stiffening, M::Path], "an energy leads further than a path");
+    let friction = methods(&[T::Contact, T::Affine, T::Friction]);
+    assert_eq!(friction[..4], [M::ActiveSet, M::Path, M::Stiffening, M::LessFriction]);
+    for without in [[T::Contact, T::Friction], [T::Affine, T::Energy], [T::OverConstrained, T::Affine]] {
+        assert!(!methods(&without).contains(&M::Stiffening), "{without:?}");
+    }
+}
+
+#[test]
+fn bodies_that_are_not_linear_go_downhill_beside_friction_once_less_of_it_helps_nothing() {
+    use Method as M;
+    use Trait as T;
+    let rubs = [T::Contact, T::Friction, T::Rubs];
+    assert_eq!(methods(&rubs)[..4], [M::ActiveSet, M::LessFriction, M::Downhill, M::Natural]);
+    assert!(!methods(&[T::Contact, T::Friction]).contains(&M::Downhill));
+    let at_less_friction = |traits: &[Trait]| {
+        let mut of = schedule(traits);
+        of.position = 1;
+        assert_eq!(of.method(), M::LessFriction);
+        of
+    };
+    assert_eq!(stage_after(&mut at_less_friction(&rubs), |_| iteration(0.1, 1.0, 0)), (PATIENCE + 1, M::Downhill));
+    let all = FRICTION_PARTS * FRICTION_BUDGET + 10;
+    assert_eq!(stage_after(&mut at_less_friction(&rubs), |_| iteration(1.0, 1.0, 0)).0, all, "full steps go on");
+    let of_others = stage_after(&mut at_less_friction(&rubs[..2]), |_| iteration(0.1, 1.0, 0));
+    assert_eq!(of_others.0, all, "and so do short ones of other scenes");
+}
+
+#[test]
+fn contact_gets_stiffer_once_it_is_solved_as_it_is() {
+    let mut of = schedule(&[Trait::Contact, Trait::Affine, Trait::Energy]);
+    assert_eq!(of.softness(), 1.0, "other methods have contact as it is written");
+    of.position = 2;
+    of.soften(0.1);
+    let after = |of: &mut Schedule, step: f64, changed: f64| {
+        of.hear(step, changed, 1.0);
+        of.softness()
+    };
+    assert_eq!(after(&mut of, 1.0, 0.01), 0.1, "points changed");
+    assert_eq!(after(&mut of, 0.5, 0.0), 0.1, "a part of a step");
+    assert!((after(&mut of, 1.0, 0.0) - 0.4).abs() < 1e-15);
+    assert_eq!(after(&mut of, 1.0, 0.0), 1.0, "not beyond what is written");
+    of.go_on();
+    assert_eq!(of.softness(), 1.0);
+}
+
+#[test]
 fn every_stage_but_the_first_begins_with_another_method() {
     use Method as M;
     use Trait as T;
@@ -48,6 +99,7 @@ fn every_stage_but_the_first_begins_with_another_method() {
             M::Compliance,
             M::ActiveSet,
             M::Path,
+            M::Stiffening,
             M::PathFromStart,
             M::LessFriction,
             M::Path,
