@@ -46,7 +46,8 @@ pub(crate) fn size(scalars: &mut Scalars, moves: &impl Fn(Val) -> bool, flux: Va
     }
 }
 
-/// What rounding of `root` is relative to: its magnitude with every sum inside replaced by that of the magnitudes.
+/// What rounding of `root` is relative to: its magnitude with every sum inside replaced by that of the magnitudes, in one factor of a
+/// product at a time.
 /// `known` keeps what was asked before.
 pub(crate) fn magnitude(scalars: &mut Scalars, known: &mut BTreeMap<Val, Val>, root: Val) -> Val {
     magnitude_with(scalars, known, root, Functions::BesideOne)
@@ -92,7 +93,14 @@ fn one_magnitude(scalars: &mut Scalars, known: &BTreeMap<Val, Val>, value: Val, 
     match scalars.insts[value.index()].clone() {
         Inst::Neg(a) => known[&a],
         Inst::Add(a, b) | Inst::Sub(a, b) => scalars.add(known[&a], known[&b]),
-        Inst::Mul(a, b) => scalars.mul(known[&a], known[&b]),
+        // of a square of `T - T0` near 1e8 the rounding is that of 1e8 times the difference, and not of 1e16
+        Inst::Mul(a, b) => {
+            let [x, y] = [(a, b), (b, a)].map(|(of, times)| {
+                let value = scalars.abs(times);
+                scalars.mul(known[&of], value)
+            });
+            scalars.max(x, y)
+        }
         Inst::Div(a, b) => {
             let size = scalars.abs(b);
             scalars.div(known[&a], size)
@@ -194,12 +202,25 @@ mod tests {
         let square = s.mul(y, y);
         let strain = s.sub(square, one);
         let stress = s.mul(x, strain);
-        let found = magnitude(&mut s, &mut BTreeMap::new(), stress);
-        let mut emitter = Emitter::new(&s, 2);
+        assert_eq!(magnitude_at(&mut s, stress, [1.0, 1.0]), 2.0);
+    }
+
+    #[test]
+    fn of_a_square_of_a_difference_rounds_one_factor() {
+        let mut s = Scalars::default();
+        let [x, y] = [s.input(0), s.input(1)];
+        let difference = s.sub(x, y);
+        let square = s.mul(difference, difference);
+        assert_eq!(magnitude_at(&mut s, square, [1e8 + 1.0, 1e8]), 2e8 + 1.0, "and not 4e16");
+    }
+
+    fn magnitude_at(scalars: &mut Scalars, root: Val, inputs: [f64; 2]) -> f64 {
+        let found = magnitude(scalars, &mut BTreeMap::new(), root);
+        let mut emitter = Emitter::new(scalars, 2);
         let kernel = emitter.kernel("size", &[found]);
         let (kernel, _, _, _) = emitter.finish(kernel.clone(), kernel.clone(), [None, None], Vec::new(), "size");
         let mut out = [0.0];
-        interpret(&kernel, &[], &[1.0, 1.0], &mut Vec::new(), &mut out);
-        assert_eq!(out, [2.0]);
+        interpret(&kernel, &[], &inputs, &mut Vec::new(), &mut out);
+        out[0]
     }
 }

@@ -249,6 +249,20 @@ impl Rates {
         out
     }
 
+    /// By dof the change from the unknowns `u` to those without any second rates, where nothing acts on what flies on; `before` is the state
+    /// at the start of the step that was begun. `None` where there are no second rates.
+    #[must_use]
+    pub fn to_flight(&self, u: &[f64], before: &[f64]) -> Option<Vec<f64>> {
+        let (factor, _) = self.of_second();
+        self.has_flight().then(|| self.second(u, before).iter().map(|rate| -rate / factor).collect())
+    }
+
+    /// Whether unknowns have second rates in a step that was begun.
+    #[must_use]
+    pub fn has_flight(&self) -> bool {
+        self.of_second().0 != 0.0 && self.fields.iter().any(|of| of.form == RateForm::Second)
+    }
+
     /// What the past gives of a rate of a field, by its dofs; empty for a field without.
     #[must_use]
     pub fn history(&self, order: RateOrder, field: usize) -> &[f64] {

@@ -14,6 +14,7 @@ mod cancelled;
 mod constants;
 mod equations;
 mod finite_strain;
+mod flight;
 mod form;
 mod held;
 mod images;

@@ -2,12 +2,13 @@
 
 use super::{
     Evaluated, LARGEST_TOLERANCE, LoadStep, Method, NewtonError, StepHistory, Stop,
+    began::Began,
     downhill::Downhill,
     hold::Hold,
     inexact::Inexact,
     initial_guess::Predicted,
     line_search::LineSearch,
-    load_step::{Began, Done, HIDDEN, LARGEST_FORCING, Measured, Norm},
+    load_step::{Done, HIDDEN, LARGEST_FORCING, Measured, Norm},
     path_following::Path,
     refinement,
     rest::Rest,
@@ -78,9 +79,7 @@ pub(super) fn iterate(
     step.contact.set_compliant(schedule.method() == Method::Compliance);
     let weights = vec![1.0; step.system.fields.len()];
     let mut norm = Norm::new(weights, schedule.freezes());
-    if step.has_single_equations() {
-        norm.began = Began::Here;
-    }
+    norm.began = Began::here(step.has_single_equations(), step.measures_what_happens());
     let mut history = StepHistory::default();
     let before = step.system.largest_of_alike(u);
     let here = begin(step, u, predicted, &mut norm, &mut history)?;
@@ -121,10 +120,10 @@ fn begin(
     history: &mut StepHistory,
 ) -> Result<Measured, NewtonError> {
     let mut start = step.measure(u, norm);
-    // what single equations began with is asked of the state that was there, not of a prediction
+    // what a step began with is asked of the state that was there, not of a prediction
     norm.began = match &start {
-        Ok(here) if step.has_single_equations() => Began::With(here.written.values.clone()),
-        _ => Began::Unknown,
+        Ok(here) => step.began(here),
+        Err(_) => Began::default(),
     };
     if let Ok(here) = &start {
         step.record(history, here, Done { method: Method::Start, step: 1.0, changed: 0, corrections: 0 });
@@ -172,17 +171,28 @@ impl Attempt<'_> {
             self.prepare(step, std::mem::take(&mut left))?;
             let forcing = match step.system.is_linear() {
                 // no other iteration need follow
-                true => OF_THE_TOLERANCE * step.options.tolerance / self.here.relative,
-                false => forcing(self.here.relative, before, step.options.tolerance),
+                true => OF_THE_TOLERANCE / self.here.excess,
+                false => forcing(self.here.relative, before, self.here.relative / self.here.excess),
             };
             let inexact = Inexact::of(step, self.schedule.method(), self.here.relative, before, least);
             before = Some(self.here.relative);
             least = Some(least.map_or(self.here.relative, |least: f64| least.min(self.here.relative)));
+            let within = self.here.is_within(step.options).then(|| self.u.to_vec());
             match self.correct(step, forcing, inexact) {
                 Ok(followed) => self.advance(step, followed)?,
+                Err(NewtonError::Solve(_)) if within.is_some() => return self.finish(step, Stop::Tolerance),
                 Err(NewtonError::Solve(SolveError::Singular { .. })) if tries => return self.finish(step, Stop::Floor),
                 Err(error) => left = self.leave(step, error, number)?,
             }
+            if let Some(before) = within
+                && !self.here.is_within(step.options)
+            {
+                self.take_back(step, &before)?;
+                return self.finish(step, Stop::Tolerance);
+            }
+        }
+        if self.here.is_within(step.options) {
+            return self.finish(step, Stop::Tolerance);
         }
         self.doubts = DOUBTS;
         self.doubtful = self.doubtful.take().or(self.lost.take());
@@ -266,7 +276,11 @@ impl Attempt<'_> {
         let is_rounding = || (self.here.bounded && !self.falls()).then_some(Stop::Floor);
         // of what cancels inside the law of a single equation nobody knows the rounding: it is left once a correction gains nothing
         let is_small = || (self.here.is_small && self.gained_nothing()).then_some(Stop::Floor);
-        let stop = self.here.stop(step.options).or_else(is_rounding).or_else(is_small);
+        // digits of what the step does beside what is stored: left to rounding, and once a correction gains little
+        let is_corrected = self.history.iterations.last().is_some_and(|last| last.number > 0);
+        let is_done = || self.here.bounded || is_corrected && !self.falls();
+        let is_within = || (self.here.is_within(step.options) && is_done()).then_some(Stop::Tolerance);
+        let stop = self.here.stop(step.options).or_else(is_within).or_else(is_rounding).or_else(is_small);
         // without a force the tolerance is one of what cancels: of a body that moves freely more than rounding is left there
         let is_more = self.here.no_force && self.here.relative > self.here.floor;
         stop.filter(|_| !is_more || !self.falls())
@@ -277,6 +291,19 @@ impl Attempt<'_> {
         let mut last = self.history.iterations.iter().rev();
         let is_corrected = last.next().is_some_and(|last| last.number > 0);
         is_corrected && last.next().is_some_and(|before| self.here.relative >= before.residual)
+    }
+
+    /// Goes back to a state within the tolerance, beyond which a correction has found no better one.
+    fn take_back(&mut self, step: &mut LoadStep<'_>, before: &[f64]) -> Evaluated<()> {
+        self.u.copy_from_slice(before);
+        if self.norm.frozen {
+            step.contact.freeze_as_written(step.system, self.u);
+        }
+        step.assemble_tangent(self.u, self.norm.frozen)?;
+        self.here = step.measure(self.u, &self.norm)?;
+        let method = self.schedule.method();
+        step.record(&mut self.history, &self.here, Done { method, step: 0.0, changed: 0, corrections: 0 });
+        Ok(())
     }
 
     /// Whether the last iteration made the residual less than half of what it was.
@@ -522,6 +549,7 @@ impl Attempt<'_> {
             }
             alpha
         };
+        self.norm.began.meets(&self.here.left);
         let done = Done { method: self.schedule.method(), step: alpha, changed, corrections: 1 };
         step.record(&mut self.history, &self.here, done);
         if self.here.relative < self.best.0 {

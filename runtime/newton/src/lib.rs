@@ -8,6 +8,7 @@
 //! Linear systems are solved by [`wfl_linear`].
 #![forbid(unsafe_code)]
 
+mod began;
 mod branch;
 mod critical_point;
 mod downhill;

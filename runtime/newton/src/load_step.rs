@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use super::{Evaluated, LARGEST_TOLERANCE, Method, NewtonError, NewtonOptions, StepHistory, Stop, Watch};
 use crate::Iteration;
+use crate::began::Began;
 use wfl_compiler::types::FieldKind;
 use wfl_contact::Contact;
 use wfl_discrete::assemble::VolumeLimit;
@@ -121,6 +122,10 @@ pub(super) struct Measured {
     pub(super) relative: f64,
     /// What rounding leaves of it.
     pub(super) floor: f64,
+    /// By body the largest of the forces that are out of balance.
+    pub(super) left: Vec<f64>,
+    /// The largest of what is left over what may be left.
+    pub(super) excess: f64,
     /// The residual of every kind of field is as small as rounding or the tolerance allows in fields of that kind.
     pub(super) settled: bool,
     /// A single equation has more left than rounding and the tolerance of what it began with.
@@ -140,33 +145,15 @@ pub(super) struct Measured {
 impl Measured {
     /// Why an iteration stops here, if it does.
     pub(super) fn stop(&self, options: NewtonOptions) -> Option<Stop> {
-        if self.relative <= options.tolerance && !self.no_force && !self.is_open {
+        if self.relative <= options.tolerance && !self.no_force && self.settled {
             return Some(Stop::Tolerance);
         }
         (self.settled || self.no_force && self.relative <= options.tolerance).then_some(Stop::Floor)
     }
-}
 
-/// What was left of single equations when a step began.
-#[derive(Clone, Default)]
-pub(super) enum Began {
-    /// Nobody knows, or there are none.
-    #[default]
-    Unknown,
-    /// What the state that is measured leaves: it is the first one.
-    Here,
-    /// This residual by dof.
-    With(Vec<f64>),
-}
-
-impl Began {
-    /// By dof, where `here` is the residual of the state that is measured; empty where nobody knows.
-    fn residual<'r>(&'r self, here: &'r [f64]) -> &'r [f64] {
-        match self {
-            Self::Unknown => &[],
-            Self::Here => here,
-            Self::With(residual) => residual,
-        }
+    /// Whether forces are within the tolerance of the largest of them, whatever is left of what the step began with.
+    pub(super) fn is_within(&self, options: NewtonOptions) -> bool {
+        self.relative <= options.tolerance && self.is_small && !self.is_open && !self.no_force
     }
 }
 
@@ -177,7 +164,7 @@ pub(super) struct Norm {
     pub(super) weights: Vec<f64>,
     /// By dof in fields with single equations: one over what cancels in the equation. Empty without such fields.
     pub(super) equations: Vec<f64>,
-    /// What was left of single equations when the step began.
+    /// What was left when the step began.
     pub(super) began: Began,
     /// What the factors of `equations` are made of: the scales of these equations, now and in the iterations before.
     pub(super) scales: Vec<f64>,
@@ -188,7 +175,7 @@ pub(super) struct Norm {
 impl Norm {
     /// With these weights, before anything is known of single equations.
     pub(super) fn new(weights: Vec<f64>, frozen: bool) -> Self {
-        Self { weights, equations: Vec::new(), began: Began::Unknown, scales: Vec::new(), frozen }
+        Self { weights, equations: Vec::new(), began: Began::default(), scales: Vec::new(), frozen }
     }
 }
 
@@ -210,20 +197,14 @@ impl LoadStep<'_> {
         let written = system.residual(u, &self.form())?;
         let mut sizes = system.sizes(u, &written, self.tangent);
         let positions = system.sizes_of_positions(self.tangent);
-        let mut scales = self.scales(u, &written, [&sizes, &positions])?;
+        let mut scales = self.scales(u, &written, [&sizes, &positions], &norm.began)?;
         let summands = system.summands(u, &written);
         // against a scale without bound every residual is small
         system.check_finite("sum of the sizes of forces", &sizes, u)?;
         system.check_finite("sum of the sizes of summands", &summands, u)?;
         sizes.iter_mut().zip(&summands).for_each(|(size, summand)| *size += summand);
-        let is_multiplier = |body: usize| {
-            body < system.n_bodies() && system.fields[system.field_of_body(body)].kind == FieldKind::Multiplier
-        };
-        let began = norm.began.residual(&written.values);
-        let mut all = self.body_measures(u, &written, [&sizes, &summands, began], &scales);
-        if all.is_open_by(is_multiplier, self.options.tolerance) && self.are_nothing(u, &mut scales) {
-            all = self.body_measures(u, &written, [&sizes, &summands, began], &scales);
-        }
+        let is_multiplier = |body: usize| self.is_multiplier(body);
+        let mut all = self.first_measures(u, &written, [&sizes, &summands], &mut scales);
         let settled = all.are_settled(is_multiplier, self.options.tolerance);
         let rounding = FLOOR_FACTOR * f64::EPSILON * self.weighted_norm(&sizes, norm);
         let mut bounded = settled;
@@ -234,11 +215,12 @@ impl LoadStep<'_> {
                 sizes.iter_mut().zip(system.cancelled(u, &written)).for_each(|(size, inside)| *size = size.max(inside));
             }
             if cancels || !positions.is_empty() {
-                all = self.body_measures(u, &written, [&sizes, &summands, began], &scales);
+                all = self.body_measures(u, &written, [&sizes, &summands], &scales);
                 bounded = all.are_settled(is_multiplier, self.options.tolerance);
             }
         }
-        let (relative, floor) = (all.relative(), all.floor());
+        let (relative, floor, left) = (all.relative(), all.floor(), all.left());
+        let excess = all.excess().max(relative / self.options.tolerance);
         let (no_force, is_open) = (scales.no_force, all.has_open_equation());
         let is_small = all.are_settled_beside_summands(is_multiplier, self.options.tolerance);
         let residual = if norm.frozen {
@@ -253,6 +235,8 @@ impl LoadStep<'_> {
             summands,
             relative,
             floor,
+            left,
+            excess,
             settled,
             is_open,
             is_small,

@@ -286,6 +286,12 @@ beside the displacement is made one number long.
 was left of it when the step began: a gap between positions at 1000, or a pressure of 50 MPa on both sides of a skin, cancels whatever moves. A
 state whose residual is no more than rounding may leave is corrected once before it is taken.
 
+**What is stored beside what happens.** The same holds of the forces of a body: 1e4 times the tolerance is one of what was out of balance in the
+step. Heat at 1e6 that varies by 1, or springs that are held at 1000, have forces that cancel, beside which a step may be less than the tolerance. Of bodies
+with second rates it is what acts beside their flight: the forces that are left where nothing is accelerated. A state within the tolerance of the
+largest force is taken once a correction no longer halves what is left. A step that is more than 1e-4 of the largest force takes no further iteration.
+Steps `by auto` have an error of the whole values, and the tolerance of the largest force alone.
+
 **Rounding.** If the residual is the rounding error of the product of matrix and state, the linear terms are evaluated
 at their integration points and the state is improved by iterative refinement (`refinement`).
 

@@ -1,12 +1,14 @@
 //! What the residuals of a load step are relative to, and what rounding leaves of them. Decides nothing.
 
+use wfl_compiler::types::FieldKind;
 use wfl_discrete::finite::largest as largest_of;
 use wfl_discrete::system::{FIXED, Residual};
 
 use super::{FLOOR_FACTOR, HIDDEN, LoadStep, Measured};
 use crate::{
     Evaluated,
-    measures::{BodyMeasures, Equation},
+    began::Began,
+    measures::{BodyMeasures, Equation, Forces},
 };
 
 /// Forces of bodies that are strained by no more than this, in units of roundoff, are taken for rounding until what they are
@@ -22,20 +24,38 @@ const ALL: f64 = 0.999;
 const STRAIGHT: f64 = 0.1;
 
 /// What relative residuals are relative to.
-pub(super) struct Scales {
+pub(super) struct Scales<'n> {
     /// By body.
     pub(super) scales: Vec<f64>,
     /// By body whether it has loads that are more than rounding.
     pub(super) loaded: Vec<bool>,
     /// Bodies have no force but rounding.
     pub(super) no_force: bool,
+    /// What was left when the step began.
+    pub(super) began: &'n Began,
+    /// By body what acts on it beside what keeps it flying, where that is known.
+    pub(super) acting: Vec<f64>,
+}
+
+impl Scales<'_> {
+    /// What a body has been out of balance by in the step, where `here` is what a state leaves.
+    fn began(&self, body: usize, here: f64) -> f64 {
+        self.acting.get(body).map_or_else(|| self.began.forces(body, here), |acting| acting.max(here))
+    }
 }
 
 impl LoadStep<'_> {
     /// Residuals by body beside their scales and what rounding leaves: of what cancels by dof, and of the summands of single
-    /// equations, of which `began` is what was left by dof when the step began (empty where that is not known).
-    pub(super) fn body_measures(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 3], of: &Scales) -> BodyMeasures {
-        let (system, [sizes, summands, began]) = (self.system, sizes);
+    /// equations.
+    pub(super) fn body_measures(
+        &self,
+        u: &[f64],
+        written: &Residual,
+        sizes: [&[f64]; 2],
+        of: &Scales<'_>,
+    ) -> BodyMeasures {
+        let (system, [sizes, summands]) = (self.system, sizes);
+        let began = of.began.residual(&written.values);
         // behind the bodies their nodes without mass
         let mut all = BodyMeasures::new(system.n_bodies() + 1);
         let faces_alone = self.contact.is_empty() && !system.has_nonlinear_bodies();
@@ -63,18 +83,86 @@ impl LoadStep<'_> {
                     (false, true) => rounding * kept[body],
                     (false, false) => f64::INFINITY,
                 };
+                let (residual, alike) = (largest[body], system.body_alike(body));
+                let began = of.began(alike, residual);
                 let rounding = [rounding * cancelled[body], kept];
-                all.add_forces(system.body_alike(body), largest[body], of.scales[body], rounding);
+                let forces = Forces { residual, scale: of.scales[body], began, rounding };
+                all.add_forces(alike, forces, self.options.tolerance);
             }
         }
-        self.add_nodes_without_mass(&mut all, written, sizes);
+        self.add_nodes_without_mass(&mut all, written, sizes, of);
         all.of_all(system.team());
         all
     }
 
+    /// What a step begins with at its first state.
+    pub(crate) fn began(&self, here: &Measured) -> Began {
+        // the start of a step is far behind what flies, and walls may fly with it
+        let counts = self.measures_what_happens() && !self.flies();
+        let left = if counts { here.left.clone() } else { Vec::new() };
+        Began::with(self.has_single_equations().then(|| here.written.values.clone()), left)
+    }
+
+    /// Whether forces are relative to what a step does, too. Steps that the run chooses by an error are no more exact than that is of the whole
+    /// values, and may be so short that what they do is less than rounding of a tie between branches.
+    pub(crate) fn measures_what_happens(&self) -> bool {
+        !self.solves_once
+    }
+
+    /// Whether bodies have inertia whose forces at the start of a step are those of their motion; linear ones begin at the end of their flight.
+    fn flies(&self) -> bool {
+        self.measures_what_happens() && !self.system.is_linear() && self.system.has_flight()
+    }
+
+    pub(super) fn is_multiplier(&self, body: usize) -> bool {
+        let system = self.system;
+        body < system.n_bodies() && system.fields[system.field_of_body(body)].kind == FieldKind::Multiplier
+    }
+
+    /// The measures by what terms give; `scales` learn what acts beside flight, and which multipliers are nothing, where that decides.
+    pub(super) fn first_measures(
+        &self,
+        u: &[f64],
+        written: &Residual,
+        sizes: [&[f64]; 2],
+        scales: &mut Scales<'_>,
+    ) -> BodyMeasures {
+        let mut all = self.body_measures(u, written, sizes, scales);
+        if all.relative() <= self.options.tolerance && self.find_acting(u, written, scales) {
+            all = self.body_measures(u, written, sizes, scales);
+        }
+        if all.is_open_by(|body| self.is_multiplier(body), self.options.tolerance) && self.are_nothing(u, scales) {
+            all = self.body_measures(u, written, sizes, scales);
+        }
+        all
+    }
+
+    /// What acts on bodies beside what keeps them flying, by body: where a state is otherwise within the tolerance, what is measured there.
+    fn find_acting(&self, u: &[f64], written: &Residual, of: &mut Scales<'_>) -> bool {
+        let beside = if self.flies() { self.system.beside_flight(u, &written.values) } else { None };
+        of.acting = beside.map(|beside| self.out_of_balance(&beside)).unwrap_or_default();
+        !of.acting.is_empty()
+    }
+
+    /// By body the largest of the forces that are out of balance in a residual by dof, and behind them those of nodes without mass: as
+    /// [`BodyMeasures::left`].
+    fn out_of_balance(&self, residual: &[f64]) -> Vec<f64> {
+        let system = self.system;
+        let largest = system.largest_of_free_by_body(residual);
+        let mut left = vec![0.0f64; system.n_bodies() + 1];
+        for (body, largest) in largest.into_iter().enumerate() {
+            let alike = &mut left[system.body_alike(body)];
+            *alike = alike.max(largest);
+        }
+        let without_mass = system.static_beside_inertia().iter().filter(|d| system.numbering.free[**d] != FIXED);
+        left[system.n_bodies()] = largest_of(without_mass.map(|d| residual[*d].abs()));
+        system.team().max(&mut left);
+        left
+    }
+
     /// Adds the equations of nodes without inertia of bodies that have some. Beside that all other forces are
     /// nothing in short steps: measured with the rest of their body they would hold for any state. Their own measure is what cancels in them.
-    fn add_nodes_without_mass(&self, all: &mut BodyMeasures, written: &Residual, sizes: &[f64]) {
+    fn add_nodes_without_mass(&self, all: &mut BodyMeasures, written: &Residual, sizes: &[f64], of: &Scales<'_>) {
         let system = self.system;
         if system.static_beside_inertia().is_empty() {
             return;
@@ -84,13 +172,14 @@ impl LoadStep<'_> {
         for d in system.static_beside_inertia().iter().copied().filter(is_free) {
             (residual, scale) = (residual.max(written.values[d].abs()), scale.max(sizes[d]));
         }
-        let rounding = FLOOR_FACTOR * f64::EPSILON * scale;
-        all.add_forces(system.n_bodies(), residual, scale, [rounding, f64::INFINITY]);
+        let rounding = [FLOOR_FACTOR * f64::EPSILON * scale, f64::INFINITY];
+        let began = of.began(system.n_bodies(), residual);
+        all.add_forces(system.n_bodies(), Forces { residual, scale, began, rounding }, self.options.tolerance);
     }
 
     /// Finds multipliers that are nothing but rounding beside the forces, and conditions that are as small as rounding of all
     /// unknowns allows: that is what their equations are relative to then, within the tolerance where rounding is all that is left.
-    pub(super) fn are_nothing(&self, u: &[f64], scales: &mut Scales) -> bool {
+    fn are_nothing(&self, u: &[f64], scales: &mut Scales<'_>) -> bool {
         let system = self.system;
         let mut values = system.largest_by_body(u);
         system.team().max(&mut values);
@@ -211,7 +300,13 @@ impl LoadStep<'_> {
     /// By body what relative residuals are relative to ([`System::scales`]; of `sizes` and those of positions), and whether
     /// some bodies have no force but rounding: then that is relative to what cancels. Where the largest force is so small that rounding hides the
     /// tolerance, it is what is left of larger ones, and these are asked for one by one.
-    pub(super) fn scales(&self, u: &[f64], written: &Residual, sizes: [&[f64]; 2]) -> Evaluated<Scales> {
+    pub(super) fn scales<'n>(
+        &self,
+        u: &[f64],
+        written: &Residual,
+        sizes: [&[f64]; 2],
+        began: &'n Began,
+    ) -> Evaluated<Scales<'n>> {
         let system = self.system;
         let [sizes, positions] = sizes;
         let mut scales = system.scales(written, sizes);
@@ -230,7 +325,7 @@ impl LoadStep<'_> {
         let is_hidden = |k: &usize| rounding(*k) > self.options.tolerance * scales[*k] || strained(*k) > scales[*k];
         let mut loaded = system.loaded();
         if !of_forces.iter().any(is_hidden) {
-            return Ok(Scales { scales, loaded, no_force: of_one_term });
+            return Ok(Scales { scales, loaded, no_force: of_one_term, began, acting: Vec::new() });
         }
         let parts = system.largest_of_alike(&system.contributions(u)?);
         // what may be rounding is no more than this: forces between two fields of one unit cancel however small what they carry is
@@ -253,7 +348,7 @@ impl LoadStep<'_> {
                 (scales[k], no_force) = (cancels[k] + placed[k], true);
             }
         }
-        Ok(Scales { scales, loaded, no_force })
+        Ok(Scales { scales, loaded, no_force, began, acting: Vec::new() })
     }
 }
 

@@ -12,6 +12,8 @@ fn measured(relative: f64, settled: bool, no_force: bool) -> Measured {
         summands: Vec::new(),
         relative,
         floor: 0.0,
+        left: Vec::new(),
+        excess: relative,
         is_open: false,
         is_small: false,
         settled,
@@ -26,7 +28,8 @@ fn measured(relative: f64, settled: bool, no_force: bool) -> Measured {
 fn an_iteration_stops_at_the_tolerance_or_where_all_is_rounding_and_says_which() {
     let options = NewtonOptions::default();
     let stop = |relative: f64, settled: bool, no_force: bool| measured(relative, settled, no_force).stop(options);
-    assert_eq!(stop(1e-10, false, false), Some(Stop::Tolerance));
+    assert_eq!(stop(1e-10, true, false), Some(Stop::Tolerance));
+    assert_eq!(stop(1e-10, false, false), None, "much of what the step began with is left");
     assert_eq!(stop(1.1e-10, false, false), None);
     assert_eq!(stop(1e-3, true, false), Some(Stop::Floor));
     assert_eq!(stop(1e-11, false, true), Some(Stop::Floor), "against rounding it is no tolerance");
