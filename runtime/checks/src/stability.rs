@@ -52,11 +52,9 @@ pub fn unstable(
     start: &dyn Fn() -> Option<(System, Vec<f64>)>,
 ) -> Option<Unstable> {
     let Solved { system, u, .. } = state;
-    if system.is_linear() || has_rates(system) || !system.team().is_alone() || !solver.is_ours() {
-        return None;
-    }
     let known = solver.is_definite();
-    if known == Some(true) {
+    let is_settled = known == Some(true) || system.is_linear() || has_rates(system);
+    if is_settled || !system.team().is_alone() || !solver.is_ours() {
         return None;
     }
     let groups = Groups::of(system);

@@ -283,7 +283,7 @@ pub(crate) struct RunArgs {
     #[arg(long)]
     pub(crate) whole_mesh: bool,
     /// Most Newton iterations of an attempt, in place of the value of the scene; path following may pass 450 changes of
-    /// the active set in addition
+    /// the active set in addition, and contact that gets stiffer 60 iterations
     #[arg(long, value_name = "N")]
     pub(crate) max_iter: Option<NonZeroUsize>,
     /// Turn an optimisation off, to measure its effect; wfl check lists the names

@@ -366,7 +366,7 @@ impl LinearSolver {
                     Some(operator) => self.take_applied(system, tangent, operator),
                     None => {
                         let sum = self.sum([system.bulk(), &tangent.changing])?;
-                        self.take_tangent(system, (sum, tangent.on_faces()), keeps)
+                        self.take_tangent(system, sum, tangent.on_faces(), keeps)
                     }
                 }
             }

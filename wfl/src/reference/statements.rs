@@ -287,7 +287,7 @@ pub(super) const ROWS: &[StatementRow] = &[
         word: "solver",
         usage: "`solver newton with tol=1e-10, max_iter=150, search=auto`",
         meaning: "relative residual (at most 0.1); iterations of one attempt; `search=none` for undamped Newton \
-                  steps. Path following may pass 450 changes of the active set in addition; a step ends when its \
+                  steps. Path following may pass 450 changes of the active set and contact that gets stiffer 60 iterations in addition; a step ends when its \
                   failed attempts have taken 10 times `max_iter` iterations",
         default: "these",
     },

@@ -77,7 +77,8 @@ impl LinearSolver {
     pub(super) fn take_tangent(
         &mut self,
         system: &System,
-        (sum, on_faces): (Csr, Option<&Arc<Csr>>),
+        sum: Csr,
+        on_faces: Option<&Arc<Csr>>,
         keeps: bool,
     ) -> Result<(), SolveError> {
         if self.iterates() {

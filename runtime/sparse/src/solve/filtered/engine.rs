@@ -17,7 +17,7 @@ use super::super::multigrid::{Cycle, NodeLayout};
 use super::super::scaling::symmetric_scale;
 use super::filter::Filter;
 use super::gmres::{FlexibleGmres, Outcome};
-use super::preconditioner::{cycle_and_filter, solve};
+use super::preconditioner::{Goal, Sum, cycle_and_filter, solve};
 use crate::csr::Csr;
 use crate::index::NONE;
 
@@ -91,10 +91,10 @@ impl Engine for FilteredEngine {
         let parts = [&*self.equations.constant, changing];
         let (places, cycle, filter) = (&self.layout.places, &mut self.cycle, &mut self.filter);
         let mut precondition =
-            |r: &[f64], z: &mut [f64]| cycle_and_filter((cycle, places), filter.as_mut(), &parts, (r, z));
-        let of = (&parts[..], &self.scale[..]);
-        let Outcome { iterations, converged } =
-            solve(&mut self.gmres, of, &mut precondition, (rhs, x), (tolerance, MOST));
+            |r: &[f64], z: &mut [f64]| cycle_and_filter(cycle, places, filter.as_mut(), &parts, r, z);
+        let sum = Sum { parts: &parts, scale: &self.scale };
+        let goal = Goal { left: tolerance, most: MOST };
+        let Outcome { iterations, converged } = solve(&mut self.gmres, sum, &mut precondition, rhs, x, goal);
         if converged {
             return Ok(iterations);
         }

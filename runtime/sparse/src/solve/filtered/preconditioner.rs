@@ -20,19 +20,36 @@ const ROUGH: f64 = 1e-3;
 /// `z` near `A⁻¹ r` of unscaled equations.
 pub(super) type Precondition<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 
-/// Solves with the sum of some parts, its equations scaled, until the 2-norm of what is left is `tolerance` of that of
-/// `rhs`, in at most so many iterations.
+/// The sum of some matrices, and what its equations are multiplied by.
+#[derive(Clone, Copy)]
+pub(super) struct Sum<'a> {
+    pub(super) parts: &'a [&'a Csr],
+    pub(super) scale: &'a [f64],
+}
+
+/// How far, and for how long.
+#[derive(Clone, Copy)]
+pub(super) struct Goal {
+    /// Part of the right-hand side that may be left (2-norms of scaled equations).
+    pub(super) left: f64,
+    /// Most iterations.
+    pub(super) most: usize,
+}
+
+/// Solves from zero until the goal.
 pub(super) fn solve(
     gmres: &mut FlexibleGmres,
-    (parts, scale): (&[&Csr], &[f64]),
+    sum: Sum<'_>,
     precondition: &mut Precondition<'_>,
-    (rhs, x): (&[f64], &mut [f64]),
-    (tolerance, most): (f64, usize),
+    rhs: &[f64],
+    x: &mut [f64],
+    goal: Goal,
 ) -> Outcome {
+    let Sum { parts, scale } = sum;
     let b: Vec<f64> = rhs.iter().zip(scale).map(|(b, scale)| b * scale).collect();
-    let target = tolerance * norm_2(&b).sqrt();
+    let target = goal.left * norm_2(&b).sqrt();
     let mut operators = Scaled { parts, scale, precondition, unscaled: vec![0.0; b.len()] };
-    gmres.solve(&mut operators, &b, x, target, most)
+    gmres.solve(&mut operators, &b, x, target, goal.most)
 }
 
 /// What a checked solution took.
@@ -42,26 +59,29 @@ pub(super) struct Solved {
     pub(super) first: (usize, f64),
 }
 
-/// The same with the solution measured and refined, until `left` of the right-hand side is left.
+/// The same with one matrix and the solution measured and refined.
 ///
 /// # Errors
 /// [`SolveError::TooManyIterations`] or [`SolveError::ResidualTooLarge`] where a factor is needed, also where the solution is so
 /// large that the matrix may be singular; those about the right-hand side.
 pub(super) fn solve_checked(
-    (gmres, check): (&mut FlexibleGmres, &mut BackwardErrorCheck),
+    gmres: &mut FlexibleGmres,
+    check: &mut BackwardErrorCheck,
     matrix: &Csr,
     precondition: &mut Precondition<'_>,
-    (rhs, x): (&[f64], &mut [f64]),
-    (left, most): (f64, usize),
+    rhs: &[f64],
+    x: &mut [f64],
+    goal: Goal,
 ) -> Result<Solved, SolveError> {
     check.check_rhs(rhs, x)?;
     let (parts, scale) = ([matrix], check.scale().to_vec());
-    let asked = left.clamp(TIGHTEST, LOOSEST);
+    let asked = goal.left.clamp(TIGHTEST, LOOSEST);
     let (mut all, mut first, mut failure) = (0, None, None);
     let mut solver = |x: &mut [f64]| {
         let b = x.to_vec();
         let wanted = if first.is_none() { asked } else { ROUGH };
-        let outcome = solve(gmres, (&parts, &scale), precondition, (&b, x), (wanted, most));
+        let sum = Sum { parts: &parts, scale: &scale };
+        let outcome = solve(gmres, sum, precondition, &b, x, Goal { left: wanted, ..goal });
         all += outcome.iterations;
         first.get_or_insert((outcome.iterations, wanted));
         if !outcome.converged {
@@ -70,7 +90,7 @@ pub(super) fn solve_checked(
             failure = Some(SolveError::TooManyIterations { iterations: all, reached: f64::NAN, wanted });
         }
     };
-    let outcome = check.solve(&parts, &mut solver, rhs, x, left);
+    let outcome = check.solve(&parts, &mut solver, rhs, x, goal.left);
     let report = outcome.map_err(|error| failure.unwrap_or(error))?;
     if check.has_grown(rhs, x) {
         return Err(SolveError::TooManyIterations { iterations: all, reached: f64::NAN, wanted: asked });
@@ -81,10 +101,12 @@ pub(super) fn solve_checked(
 
 /// A cycle of multigrid, then a direct solution on the unknowns of contact of what it has left.
 pub(super) fn cycle_and_filter(
-    (cycle, places): (&mut Cycle, &[u32]),
+    cycle: &mut Cycle,
+    places: &[u32],
     filter: Option<&mut Filter>,
     parts: &[&Csr],
-    (r, z): (&[f64], &mut [f64]),
+    r: &[f64],
+    z: &mut [f64],
 ) {
     cycle.apply(places, r, z);
     if let Some(filter) = filter {

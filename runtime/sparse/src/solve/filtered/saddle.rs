@@ -16,7 +16,7 @@ use super::super::multigrid::{Cycle, NodeLayout};
 use super::super::{SolveError, SolveReport, SolverOptions};
 use super::engine::MOST;
 use super::gmres::FlexibleGmres;
-use super::preconditioner::solve_checked;
+use super::preconditioner::{Goal, solve_checked};
 use crate::csr::{Csr, Pattern};
 use crate::index::NONE;
 
@@ -165,7 +165,8 @@ impl CheckedSaddle {
             cycle.apply(places, &left_of, z);
             pressure.iter().for_each(|(row, _)| z[*row as usize] = alone[*row as usize]);
         };
-        let with = (&mut self.gmres, &mut self.check);
-        solve_checked(with, matrix, &mut precondition, (rhs, x), (left, MOST)).map(|solved| solved.report)
+        let (gmres, check) = (&mut self.gmres, &mut self.check);
+        solve_checked(gmres, check, matrix, &mut precondition, rhs, x, Goal { left, most: MOST })
+            .map(|solved| solved.report)
     }
 }

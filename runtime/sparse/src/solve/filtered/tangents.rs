@@ -15,7 +15,7 @@ use super::super::{SolveError, SolveReport, SolverOptions};
 use super::engine::MOST;
 use super::filter::Filter;
 use super::gmres::FlexibleGmres;
-use super::preconditioner::{cycle_and_filter, solve_checked};
+use super::preconditioner::{Goal, cycle_and_filter, solve_checked};
 use crate::csr::{Csr, Pattern};
 use crate::index::NONE;
 
@@ -137,9 +137,9 @@ impl CheckedContact {
         let Loaded { matrix, cycle, filter, is_kept } = loaded;
         let (most, parts, places) = (if *is_kept { MOST_OF_KEPT } else { MOST }, [&**matrix], &self.layout.places);
         let mut precondition =
-            |r: &[f64], z: &mut [f64]| cycle_and_filter((cycle, places), filter.as_mut(), &parts, (r, z));
-        let with = (&mut self.gmres, &mut self.check);
-        let solved = solve_checked(with, matrix, &mut precondition, (rhs, x), (left, most))?;
+            |r: &[f64], z: &mut [f64]| cycle_and_filter(cycle, places, filter.as_mut(), &parts, r, z);
+        let (gmres, check) = (&mut self.gmres, &mut self.check);
+        let solved = solve_checked(gmres, check, matrix, &mut precondition, rhs, x, Goal { left, most })?;
         let (iterations, wanted) = solved.first;
         self.wear.hear(iterations, wanted);
         Ok(solved.report)
