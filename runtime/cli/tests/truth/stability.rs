@@ -186,3 +186,24 @@ fn a_platen_that_a_multiplier_ties_is_no_force() {
     let far = column(10.0);
     assert!(far.tells("W640") && far.text.contains("in 2 directions"), "{}", far.text);
 }
+
+/// Levels of the bodies are positive definite as long as these do not buckle; then a factor tells the sign of the determinant.
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn a_column_that_buckles_on_friction_is_told_with_gmres_too() {
+    let of = |linear: &str| {
+        let scene = format!(
+            "mesh box [0,0,0] to [1,1.5,12] cells [3,3,24] hex\nregion floor = faces where z == 0\n\
+             region lid = faces where z == 12\nunknown u : vector Q1\nsteps t = 0.04 to 0.4 by 0.04\n\
+             def F = Id(3) + Grad_u\ndef P = 80*(F - Inv(F)') + 120*log(Det(F))*Inv(F)'\n\
+             def tang(w) = w - (w.Normal)*Normal\ndef Pn = 2e3*(u.Normal) - (P*Normal).Normal\n\
+             def Pt = 2e3*tang(u) - tang(P*Normal)\nterm elastic on all : P:Grad_Test_u\n\
+             term contact on floor : (pos_part(Pn)*Normal + Ball_projection(Pt, 0.6*pos_part(Pn))).Test_u\n\
+             fix u = [0, 0, -t] on lid\nmeasure force = integral((P*[0,0,1])(3)) on lid\nsolver linear with {linear}\n"
+        );
+        run(&format!("on-friction-{}", linear.len()), &scene, &[])
+    };
+    for ran in [of("direct"), of("gmres, amg")] {
+        assert!(ran.code == 0 && ran.tells("W640"), "{}", ran.text);
+    }
+}
