@@ -27,7 +27,7 @@ const WAYS: Ways = Ways {
 /// processor are not for solutions.
 const TANGENTS: Ways = Ways {
     factors: Factors { bytes: 22e3, seconds: 6.0, power: 2.0, solution: 0.2 },
-    iteration: Iteration { bytes: 5e3, levels: 0.9, solution: 0.3 },
+    iteration: Iteration { bytes: 5e3, levels: 0.7, solution: 0.22 },
     small: 30_000,
 };
 /// Of a step of Newton's method with them: the first tangent is factored, or its levels are made, and there are six solutions.

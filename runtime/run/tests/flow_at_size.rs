@@ -76,7 +76,8 @@ fn a_flow_is_that_of_a_factor() {
 #[test]
 fn the_number_of_iterations_does_not_grow_with_the_number_of_cells() {
     let [coarse, fine] = [3, 6].map(|cells| iterations(&outcome(&channel(cells, "", "gmres, amg"), 2)));
-    assert!(10 * fine <= 13 * coarse && fine <= 120, "{coarse} and {fine}");
+    // three solutions of some 80 iterations, to twelve digits each
+    assert!(10 * fine <= 13 * coarse && fine <= 280, "{coarse} and {fine}");
 }
 
 #[test]
