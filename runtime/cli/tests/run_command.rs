@@ -266,9 +266,9 @@ fn a_need_above_the_memory_allowed_is_told_before_it_is_taken() {
     folder.write("chosen.wfl", &factor);
     for (scene, limits, words) in [
         ("huge.wfl", ["2GB", "2GB"], "the mesh needs about"),
-        // a sweep begins with its reference of a higher degree, of which something else is the first too much: limits
-        // that are not what the process has come to just before
-        ("factor.wfl", ["70MB", "84MB"], "the factor of the matrix needs about"),
+        // a sweep begins with its reference of a higher degree: limits between what the process has come to before the factor, 74 to
+        // 89 MB there, and that with the factor
+        ("factor.wfl", ["70MB", "105MB"], "the factor of the matrix needs about"),
     ] {
         for (command, limit) in ["run", "sweep"].into_iter().zip(limits) {
             let output = folder.wfl(&[command, scene, "--memory", limit]);
