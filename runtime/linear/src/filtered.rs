@@ -47,6 +47,12 @@ pub fn obstacle_of_filter(system: &System) -> Option<String> {
     if has_nonlinear_bodies(system) { obstacle_of_tangents(system) } else { obstacle_of_linear_bodies(system) }
 }
 
+/// Whether contact on linear bodies, which stay as they are, can be solved in this way.
+#[must_use]
+pub(super) fn serves_linear_bodies(system: &System) -> bool {
+    !system.is_linear() && !has_nonlinear_bodies(system) && obstacle_of_linear_bodies(system).is_none()
+}
+
 /// The same of a scene with linear bodies.
 fn obstacle_of_linear_bodies(system: &System) -> Option<String> {
     if !system.team().is_alone() {
@@ -152,7 +158,7 @@ pub(super) fn is_chosen(system: &System, method: LinearMethod, steps: usize) -> 
         LinearMethod::Iterative => true,
         LinearMethod::Auto => system.mesh.dim() == 3 && n >= LEAST && WAYS.prefer_iteration(n, [work(steps); 2]),
     };
-    is_wanted && !has_nonlinear_bodies(system) && obstacle_of_filter(system).is_none()
+    is_wanted && serves_linear_bodies(system)
 }
 
 /// The iteration with what it is foreseen to take; `None` for a factor.

@@ -150,7 +150,7 @@ impl LinearSolver {
         }
         match self.choose_factors(&Factors::of(system, &self.coordinates)) {
             Err(SolveError::TooMuchMemory(_))
-                if method == LinearMethod::Auto && filtered::obstacle_of_filter(system).is_none() =>
+                if method == LinearMethod::Auto && filtered::serves_linear_bodies(system) =>
             {
                 self.notes.push("no factor of the bodies fits into the memory".to_owned());
                 self.iterate_on_contact(system);

@@ -187,6 +187,17 @@ fn hyperelastic_bodies_with_friction_have_the_iterations_and_measures_of_factors
 }
 
 #[test]
+fn gmres_on_tangents_is_told_before() {
+    let scene = prepared(&hyperelastic(4, OF_NITSCHE, "gmres, amg"));
+    let of = |method| wfl_sparse::solve::SolverOptions { method, ..wfl_sparse::solve::SolverOptions::default() };
+    let plan = |method| wfl_linear::LinearSolver::plan(&scene.system, &of(method)).to_string();
+    let told = plan(wfl_sparse::solve::LinearMethod::Iterative);
+    assert!(told.starts_with("Newton; whole tangent: GMRES with multigrid, then a direct solution on the"), "{told}");
+    let told = plan(wfl_sparse::solve::LinearMethod::Auto);
+    assert!(told.contains("LU"), "it is small: {told}");
+}
+
+#[test]
 fn so_have_they_the_same_bits_for_any_number_of_threads() {
     let of = |threads: usize| {
         let outcome = outcome(&hyperelastic(5, OF_NITSCHE, "gmres, amg"), threads);

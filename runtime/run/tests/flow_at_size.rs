@@ -5,8 +5,10 @@ use std::{path::Path, time::Instant};
 
 use wfl::{NoFiles, SourceMap, resolve};
 use wfl_jit::JitBackend;
+use wfl_linear::LinearSolver;
 use wfl_problem::{Scene, prepare};
 use wfl_run::{Outcome, Quiet, RunOptions, run};
+use wfl_sparse::solve::{LinearMethod, SolverOptions};
 
 /// Through a channel, with a viscosity that varies by 100 and a force that whirls.
 fn channel(cells: usize, momentum: &str, linear: &str) -> String {
@@ -71,6 +73,22 @@ fn a_flow_is_that_of_a_factor() {
     for (a, b) in measures(&direct).iter().zip(measures(&iteration)) {
         assert!((a - b).abs() <= 1e-9 * a.abs(), "{a:e} and {b:e}");
     }
+}
+
+#[test]
+fn it_is_told_before() {
+    let scene = prepared(&channel(3, "", "gmres, amg")).0.expect("a scene");
+    let plan = |method| {
+        let options = SolverOptions { method, ..SolverOptions::default() };
+        LinearSolver::plan(&scene.system, &options).to_string()
+    };
+    let told = plan(LinearMethod::Iterative);
+    assert!(
+        told.starts_with("one linear system, of a motion and a pressure: GMRES with multigrid of the motion"),
+        "{told}"
+    );
+    // it is small
+    assert!(plan(LinearMethod::Auto).contains("LDLT"), "{}", plan(LinearMethod::Auto));
 }
 
 #[test]
