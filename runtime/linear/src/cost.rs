@@ -3,11 +3,16 @@
 //! A factor in three dimensions grows with the planes that cut a body (George 1973): its bytes with the power 4/3 of the number
 //! of unknowns, its time with a power about 2. Levels of multigrid and iterations grow as the unknowns do. Does not choose.
 
+use wfl_discrete::system::System;
 use wfl_host::memory::claim;
+use wfl_sparse::solve::LinearMethod;
 
 /// Number of unknowns, in three dimensions, at which the constants were measured: as many as a factor in three dimensions takes
 /// seconds for.
 const REFERENCE: f64 = 1e5;
+
+/// Number of unknowns below which a factor is never too large: at most half a gigabyte.
+const LEAST: usize = 30_000;
 
 /// What is to be done: factors or levels that are made, and solutions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +82,16 @@ impl Ways {
         let Iteration { bytes, levels, solution } = self.iteration;
         let seconds = (work.made * levels + work.solutions * solution) * (n as f64 / REFERENCE);
         Cost { seconds, bytes: bytes * n as f64 }
+    }
+
+    /// Whether factors are left for the iteration: where it is asked for, or by itself in three dimensions where it is the better way.
+    pub(super) fn are_left(&self, method: LinearMethod, system: &System, work: [Work; 2]) -> bool {
+        let n = system.n_unknowns();
+        match method {
+            LinearMethod::Direct => false,
+            LinearMethod::Iterative => true,
+            LinearMethod::Auto => system.mesh.dim() == 3 && n >= LEAST && self.prefer_iteration(n, work),
+        }
     }
 
     /// Whether the iteration is the better way, from what factors and the iteration have to do: it is foreseen to be faster, or

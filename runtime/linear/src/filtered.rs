@@ -32,8 +32,6 @@ const TANGENTS: Ways = Ways {
 };
 /// Of a step of Newton's method with them: the first tangent is factored, or its levels are made, and there are six solutions.
 const OF_A_STEP: Work = Work { made: 1.0, solutions: 6.0 };
-/// Number of unknowns below which a factor is never too large: at most half a gigabyte.
-const LEAST: usize = 30_000;
 /// Number of unknowns of contact above which the iteration is not used: a factor on them in every iteration of Newton takes
 /// longer than the cycles.
 const MOST_ON_CONTACT: usize = 100_000;
@@ -117,15 +115,9 @@ fn has_nonlinear_bodies(system: &System) -> bool {
 /// Whether GMRES on whole tangents is to be used; `steps` are those that are expected.
 #[must_use]
 pub(super) fn is_chosen_for_tangents(system: &System, method: LinearMethod, steps: usize) -> bool {
-    let n = system.n_unknowns();
-    let is_wanted = match method {
-        LinearMethod::Direct => false,
-        LinearMethod::Iterative => true,
-        LinearMethod::Auto => {
-            system.mesh.dim() == 3 && n >= LEAST && TANGENTS.prefer_iteration(n, [work_of_tangents(steps); 2])
-        }
-    };
-    is_wanted && has_nonlinear_bodies(system) && obstacle_of_tangents(system).is_none()
+    TANGENTS.are_left(method, system, [work_of_tangents(steps); 2])
+        && has_nonlinear_bodies(system)
+        && obstacle_of_tangents(system).is_none()
 }
 
 /// The iteration on whole tangents with what it is foreseen to take; `None` for another way.
@@ -152,13 +144,7 @@ fn work(steps: usize) -> Work {
 /// Whether the iteration is to be used; `steps` are those that are expected.
 #[must_use]
 pub(super) fn is_chosen(system: &System, method: LinearMethod, steps: usize) -> bool {
-    let n = system.n_unknowns();
-    let is_wanted = match method {
-        LinearMethod::Direct => false,
-        LinearMethod::Iterative => true,
-        LinearMethod::Auto => system.mesh.dim() == 3 && n >= LEAST && WAYS.prefer_iteration(n, [work(steps); 2]),
-    };
-    is_wanted && serves_linear_bodies(system)
+    WAYS.are_left(method, system, [work(steps); 2]) && serves_linear_bodies(system)
 }
 
 /// The iteration with what it is foreseen to take; `None` for a factor.
@@ -180,7 +166,10 @@ mod tests {
     #[test]
     fn what_stands_against_it_is_said() {
         let of = |block: Block| obstacle_of_filter(&block.system).expect("an obstacle");
-        assert_eq!(of(Block::new(2, &[LAPLACE], &[])), "the scene is linear, and there is no motion beside a pressure");
+        assert_eq!(
+            of(Block::new(2, &[LAPLACE], &[])),
+            "the scene is linear, and there is no motion with a scalar field beside it"
+        );
         // three nodes are free, all of them on the floor
         assert_eq!(of(Block::with_friction(2)), "contact touches most unknowns");
     }

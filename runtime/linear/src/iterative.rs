@@ -109,7 +109,9 @@ impl Iterative {
                 claim(need.size(), "the levels of multigrid")?;
                 solver.take(matrix, on_faces)
             }
-            (Solver::Contact(..), _) => Err(SolveError::NotFactored),
+            (Solver::Contact(..), _) => {
+                Err(SolveError::Library { text: "the part of the terms on faces is not known".to_owned() })
+            }
             (Solver::Saddle(solver), source) => {
                 claim(saddle::bytes(source.n_rows()), "the levels of multigrid")?;
                 solver.take(&source.matrix().ok_or(SolveError::NotFactored)?)
@@ -244,7 +246,7 @@ impl Iterative {
 
 /// Whether an iteration failed for what another method need not fail for.
 pub(super) fn is_of_iteration(error: &SolveError) -> bool {
-    use SolveError::{NotPositiveDefinite, NotSymmetric, ResidualTooLarge, TooManyIterations, VanishingPivot};
+    use SolveError::{Library, NotPositiveDefinite, NotSymmetric, ResidualTooLarge, TooManyIterations, VanishingPivot};
     matches!(
         error,
         NotPositiveDefinite { .. }
@@ -252,6 +254,7 @@ pub(super) fn is_of_iteration(error: &SolveError) -> bool {
             | TooManyIterations { .. }
             | ResidualTooLarge { .. }
             | VanishingPivot { .. }
+            | Library { .. }
     )
 }
 
@@ -308,13 +311,7 @@ fn ways(system: &System, steps: usize) -> (Ways, [Work; 2]) {
 #[must_use]
 pub(super) fn is_chosen(system: &System, method: LinearMethod, steps: usize) -> bool {
     let (ways, work) = ways(system, steps);
-    let n = system.n_unknowns();
-    let is_wanted = match method {
-        LinearMethod::Direct => false,
-        LinearMethod::Iterative => true,
-        LinearMethod::Auto => system.mesh.dim() == 3 && n >= ways.small && ways.prefer_iteration(n, work),
-    };
-    is_wanted && obstacle(system).is_none()
+    ways.are_left(method, system, work) && obstacle(system).is_none()
 }
 
 /// The iteration with what it is foreseen to take; `None` for a factor.

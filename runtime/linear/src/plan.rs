@@ -126,7 +126,7 @@ impl fmt::Display for LinearPlan {
                 write_extent(f, extent)
             }
             Self::Saddle(extent) => {
-                write!(f, "one linear system, of a motion and a pressure: GMRES with multigrid of the motion")?;
+                write!(f, "one linear system, of a motion with a field beside it: GMRES with multigrid of the motion")?;
                 write_extent(f, extent)
             }
             Self::Whole(factor) => {

@@ -31,13 +31,7 @@ pub(super) fn layout(system: &System) -> Result<NodeLayout, String> {
 /// Whether the iteration is to be used; `steps` are those that are expected.
 #[must_use]
 pub(super) fn is_chosen(system: &System, method: LinearMethod, steps: usize) -> bool {
-    let n = system.n_unknowns();
-    let is_wanted = match method {
-        LinearMethod::Direct => false,
-        LinearMethod::Iterative => true,
-        LinearMethod::Auto => system.mesh.dim() == 3 && n >= WAYS.small && WAYS.prefer_iteration(n, [work(steps); 2]),
-    };
-    is_wanted && layout(system).is_ok()
+    WAYS.are_left(method, system, [work(steps); 2]) && layout(system).is_ok()
 }
 
 /// The iteration with what it is foreseen to take; `None` for a factor.

@@ -489,7 +489,11 @@ pub(super) fn unfit_iteration(script: &wfl::ResolvedScript, system: &System) -> 
     let name = word.name.name.as_str();
     let (why, text, other) = match name {
         "cg" => (obstacle(system)?, "conjugate gradients need symmetric positive definite matrices", "gmres"),
-        _ => (obstacle_of_filter(system)?, "the iteration for contact on bodies that are symmetric", "cg"),
+        _ => (
+            obstacle_of_filter(system)?,
+            "the iteration for contact on symmetric bodies, and for a motion with a pressure",
+            "cg",
+        ),
     };
     let d = Diagnostic::new(Code::E442, format!("`{name}` cannot be used here: {why}"));
     let fits = if name == "cg" { obstacle_of_filter(system) } else { obstacle(system) }.is_none();

@@ -66,12 +66,33 @@ fn a_flow_is_that_of_a_factor() {
     assert!(solver(&direct).contains("LDLT"), "{}", solver(&direct));
     let told = solver(&iteration);
     assert!(
-        told.starts_with("one linear system, of a motion and a pressure: GMRES with multigrid of the motion"),
+        told.starts_with("one linear system, of a motion with a field beside it: GMRES with multigrid of the motion"),
         "{told}"
     );
     assert!(!told.contains("in place of"), "{told}");
     for (a, b) in measures(&direct).iter().zip(measures(&iteration)) {
         assert!((a - b).abs() <= 1e-9 * a.abs(), "{a:e} and {b:e}");
+    }
+}
+
+/// A field with fluxes of its own, which drives the motion and is not driven by it: the matrix is not symmetric.
+#[test]
+fn the_temperature_of_a_body_is_that_of_a_factor() {
+    let of = |linear: &str| {
+        let text = format!(
+            "wfl 1\nmesh box [0,0,0] to [1,1,1] cells [6,6,6] hex\nregion low = faces where z == 0\n\
+             region top = faces where z == 1\nunknown u : vector\nunknown T : scalar\n\
+             term heat on all : (1 + x)*Grad_T.Grad_Test_T - 4*y*Test_T\n\
+             term body on all : (100*Sym(Grad_u) + (50*Div_u - 3*T)*Id(3)):Grad_Test_u\nfix u = [0,0,0] on low\n\
+             fix T = 0 on low\nfix T = 1 on top\nmeasure up = mean(u(3)) on top\nmeasure warm = mean(T) on all\n\
+             solver linear with {linear}\n"
+        );
+        outcome(&text, 2)
+    };
+    let (direct, iteration) = (of("direct"), of("gmres, amg"));
+    assert!(solver(&iteration).contains("GMRES with multigrid of the motion (unknowns"), "{}", solver(&iteration));
+    for (a, b) in measures(&direct).iter().zip(measures(&iteration)) {
+        assert!(*a > 1e-3 && (a - b).abs() <= 1e-9 * a, "{a:e} and {b:e}");
     }
 }
 
@@ -84,7 +105,7 @@ fn it_is_told_before() {
     };
     let told = plan(LinearMethod::Iterative);
     assert!(
-        told.starts_with("one linear system, of a motion and a pressure: GMRES with multigrid of the motion"),
+        told.starts_with("one linear system, of a motion with a field beside it: GMRES with multigrid of the motion"),
         "{told}"
     );
     // it is small
@@ -126,6 +147,7 @@ fn what_stands_against_it_is_told() {
     let without = without.replace("unknown p : scalar P1\n", "").replace("measure pressure = mean(p) on all\n", "");
     let (_, diagnostics) = prepared(&without.replace("mu*Grad_v:Grad_v", "Grad_v:Grad_v"));
     let told = diagnostics.iter().find(|d| d.code == wfl::Code::E442).expect("E442");
-    let wanted = "`gmres` cannot be used here: the scene is linear, and there is no motion beside a pressure";
+    let wanted =
+        "`gmres` cannot be used here: the scene is linear, and there is no motion with a scalar field beside it";
     assert!(told.message.contains(wanted), "{}", told.message);
 }

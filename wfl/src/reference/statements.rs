@@ -303,7 +303,7 @@ pub(super) const ROWS: &[StatementRow] = &[
         word: "solver",
         usage: "`solver linear with cg, amg`, `with gmres, amg` or `with direct`",
         meaning: "how large systems are solved: symmetric matrices by conjugate gradients with multigrid, contact on \
-                  symmetric bodies by GMRES with multigrid and a direct solution on the contact, or factors \
+                  symmetric bodies, and a motion with a pressure, by GMRES with multigrid, or factors \
                   (`docs/solvers.md`); an iteration that the scene does not allow is E442",
         default: "by size",
     },

@@ -61,7 +61,7 @@ pub(super) const MEANINGS: &[(&str, &str)] = &[
     ("amg", "multigrid for conjugate gradients and GMRES"),
     ("cg", "conjugate gradients for a large symmetric linear system"),
     ("direct", "one factorisation, also of a large system"),
-    ("gmres", "GMRES for the large systems of contact"),
+    ("gmres", "GMRES for the large systems of contact, and of a motion with a pressure"),
     ("max_iter", "iterations of one attempt (150)"),
     (
         "perturb",

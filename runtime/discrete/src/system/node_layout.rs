@@ -55,7 +55,7 @@ impl System {
         let solved = (0..self.fields.len()).filter(|k| self.range(*k).is_some());
         let (motion, others): (Vec<usize>, Vec<usize>) = solved.partition(|k| self.fields[*k].n_components > 1);
         if motion.is_empty() || others.is_empty() {
-            return Err("there is no motion beside a pressure".to_owned());
+            return Err("there is no motion with a scalar field beside it".to_owned());
         }
         if let Some(other) = others.iter().find(|k| self.fields[**k].kind != FieldKind::Unknown) {
             return Err(format!("`{}` is a multiplier", self.fields[*other].name));

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use wfl_compiler::Class;
 use wfl_sparse::csr::{Csr, Pattern};
 
-use super::{Branches, FIXED, SceneAxes, System, SystemError, pattern};
+use super::{Branches, SceneAxes, System, SystemError, pattern};
 use crate::assemble::{Over, TermError};
 use crate::frames::Frames;
 
@@ -67,7 +67,6 @@ impl System {
             term.add_tangent(&self.mesh, values.view(), made.values_mut())?;
         }
         let Some(axes) = &held.axes else { return Ok(made) };
-        debug_assert!(rows.iter().any(|row| *row != FIXED), "there are unknowns");
         self.numbering.frames.turn_matrix(&mut made, |dof| axes.rows[dof] as usize);
         let mut turned = Csr::zeros(Arc::clone(&held.pattern));
         axes.apply_into(&made, turned.values_mut());

@@ -214,12 +214,12 @@ impl System {
             return result;
         }
         let matrix = out.scene_axes.as_mut().unwrap_or(&mut out.changing);
-        let result = self.add_tangents(u, branches, &[], matrix);
-        self.turned(out, result)?;
-        if let Some(held) = &self.on_faces {
-            out.on_faces = Some(Arc::new(self.tangent_on_faces(held, u, branches)?));
+        let mut result = self.add_tangents(u, branches, &[], matrix);
+        if let (Ok(()), Some(held)) = (&result, &self.on_faces) {
+            let made = self.tangent_on_faces(held, u, branches);
+            result = made.map(|made| out.on_faces = Some(Arc::new(made)));
         }
-        Ok(())
+        self.turned(out, result)
     }
 
     /// The same as the terms are written, with others in the places of some; [`Self::find_place`] has found theirs.
