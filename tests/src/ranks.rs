@@ -81,7 +81,7 @@ impl Shared {
                         Some(bytes) => self.of_part(&bytes, team),
                         None => {
                             let mut scene = self.whole();
-                            scene.share_rows(team).expect("fits");
+                            scene.share_rows(team);
                             scene
                         }
                     };

@@ -6,6 +6,8 @@
 //! field that shares terms on cells with another unknown (a pressure, a stress) may be negative as a whole: then the equations
 //! are those of a saddle point. Cells are sampled. Sees no mistake that a null Lagrangian hides.
 
+use std::cell::LazyCell;
+
 use nalgebra::{DMatrix, SymmetricEigen};
 use wfl_compiler::{
     Class,
@@ -66,10 +68,11 @@ impl Bodies<'_> {
         }
         let mixed = |(t, s): (BasisSlot, BasisSlot)| (t.field.index() == field) != (s.field.index() == field);
         let saddle = self.system.terms.iter().filter(acts_on_cells).any(|t| pairs(t).any(mixed));
+        let initial_stress = LazyCell::new(|| self.initial_stress(field, &terms, values));
         let mut worst: Option<NegativeBody> = None;
         for cell in terms.iter().flat_map(|t| sampled_cells(self.system, t)).collect::<Vec<_>>() {
-            let Some(found) = self.at_cell(field, &terms, cell, values) else { continue };
-            let negative = found.smallest < -NEGATIVE * found.largest.abs().max(found.smallest.abs());
+            let Some(found) = self.at_cell(field, &terms, cell, values, &|| *initial_stress) else { continue };
+            let negative = is_negative(found.smallest, found.largest);
             let whole = found.largest <= NEGATIVE * found.smallest.abs();
             let excused = saddle && whole;
             if negative && !excused && worst.as_ref().is_none_or(|w| found.smallest < w.smallest) {
@@ -87,11 +90,10 @@ impl Bodies<'_> {
         Some(NegativeBody { field, terms: names, smallest, largest, position: [x, y, z] })
     }
 
-    /// The largest stress of the bodies where nothing has moved; not looked for where no eigenvalue is negative, or the
-    /// field is no displacement.
-    fn initial_stress(&self, field: usize, terms: &[&AssembledTerm], smallest: f64, values: FieldValues<'_>) -> f64 {
+    /// The largest stress of the bodies where nothing has moved; zero where the field is no displacement.
+    fn initial_stress(&self, field: usize, terms: &[&AssembledTerm], values: FieldValues<'_>) -> f64 {
         let mut largest = 0.0f64;
-        if smallest < 0.0 && self.system.fields[field].n_components == self.system.mesh.dim() {
+        if self.system.fields[field].n_components == self.system.mesh.dim() {
             for term in terms {
                 let own = |slot: &BasisSlot| slot.field.index() == field && slot.op == FieldOp::Grad;
                 term.for_each_flux(&self.system.mesh, values, |flux, _| {
@@ -110,13 +112,13 @@ impl Bodies<'_> {
         terms: &[&AssembledTerm],
         cell: CellId,
         values: FieldValues<'_>,
+        initial_stress: &dyn Fn() -> f64,
     ) -> Option<NegativeBody> {
         let PointStiffness { matrix, terms: names, position } = stiffness(self.system, field, terms, cell, values)?;
         let symmetric = 0.5 * (&matrix + matrix.transpose());
         let mut eigenvalues = SymmetricEigen::new(symmetric.clone()).eigenvalues;
         // a body of finite strain under pressure gains energy by a turn, as much as its stress: what counts is the strain
-        let stressed = STRESSED * self.initial_stress(field, terms, eigenvalues.min(), values);
-        if eigenvalues.min() < 0.0 && -eigenvalues.min() <= stressed {
+        if is_negative(eigenvalues.min(), eigenvalues.max()) && -eigenvalues.min() <= STRESSED * initial_stress() {
             eigenvalues = SymmetricEigen::new(of_strains(&symmetric, self.system.mesh.dim())).eigenvalues;
         }
         Some(NegativeBody {
@@ -127,6 +129,11 @@ impl Bodies<'_> {
             position,
         })
     }
+}
+
+/// Whether an eigenvalue is negative beyond rounding.
+fn is_negative(smallest: f64, largest: f64) -> bool {
+    smallest < -NEGATIVE * largest.abs().max(smallest.abs())
 }
 
 /// A stiffness over gradients, of symmetric gradients alone: `S K S` with S the symmetric part.

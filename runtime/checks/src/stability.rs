@@ -15,7 +15,6 @@
 use std::sync::Arc;
 
 use super::{
-    Solved,
     row_signs::{Groups, RowSigns, Signs, signs},
 };
 use wfl_compiler::types::{FieldKind, UniformSlot};
@@ -40,18 +39,27 @@ pub fn is_due(step: usize, is_last: bool) -> bool {
     is_last || (step + 1).is_power_of_two()
 }
 
-/// The directions in which the state is not stable; `None` where there are none, or where that is not known. `due` says that
-/// a factor may be spent on the question; `rows` is what the run knows of the signs of its equations, from its `start`: the
-/// equations of the first step and the first values.
+/// That a state may not be stable.
+pub struct Doubt {
+    groups: Groups,
+    /// A factor says so, and not only that nobody has looked.
+    is_suspicious: bool,
+    is_symmetric: bool,
+}
+
+/// The equations of the first step and the first values.
+type Start<'a> = &'a dyn Fn() -> Option<(System, Vec<f64>)>;
+
+/// Whether it is worth a tangent to know if the state is stable. `due` says that a factor may be spent on the question; `rows` is what the
+/// run knows of the signs of its equations, from its `start`.
 #[must_use]
-pub fn unstable(
-    state: Solved<'_>,
-    solver: &mut LinearSolver,
+pub fn doubted(
+    system: &System,
+    solver: &LinearSolver,
     due: bool,
     rows: &mut RowSigns,
-    start: &dyn Fn() -> Option<(System, Vec<f64>)>,
-) -> Option<Unstable> {
-    let Solved { system, u, .. } = state;
+    start: Start<'_>,
+) -> Option<Doubt> {
     let known = solver.is_definite();
     let is_settled = known == Some(true) || system.is_linear() || has_rates(system);
     if is_settled || !system.team().is_alone() || !solver.is_ours() {
@@ -72,9 +80,19 @@ pub fn unstable(
         true => is_doubtful || !is_due && has_turned() == Some(true),
         false => has_turned().unwrap_or(is_doubtful),
     };
-    if !(is_due || is_suspicious) {
-        return None;
-    }
+    (is_due || is_suspicious).then_some(Doubt { groups, is_suspicious, is_symmetric })
+}
+
+/// The directions in which a state that is doubted is not stable; `None` where there are none, or where that is not known.
+#[must_use]
+pub fn unstable(
+    doubt: &Doubt,
+    (system, u): (&System, &[f64]),
+    solver: &mut LinearSolver,
+    rows: &mut RowSigns,
+    start: Start<'_>,
+) -> Option<Unstable> {
+    let Doubt { groups, is_suspicious, is_symmetric } = doubt;
     let mut tangent = system.new_tangent();
     system.tangent(u, Branches::AsWritten, &mut tangent).ok()?;
     if solver.finds_definite(&tangent) {
@@ -82,13 +100,13 @@ pub fn unstable(
     }
     let whole = system.whole_matrix(&tangent).ok()?;
     // nothing is lower than a minimum, however its equations are written
-    let as_written = if is_symmetric { LinearSolver::if_symmetric(whole.clone()).map(Arc::new) } else { None };
+    let as_written = if *is_symmetric { LinearSolver::if_symmetric(whole.clone()).map(Arc::new) } else { None };
     let as_written = as_written.and_then(|matrix| solver.inertia(&matrix));
     if as_written.as_ref().is_some_and(|inertia| inertia.negative == 0) {
         return None;
     }
-    let signs = signs(&whole, &groups, rows.at(&groups, start));
-    match symmetric(system, whole, &groups, &signs) {
+    let signs = signs(&whole, groups, rows.at(groups, start));
+    match symmetric(system, whole, groups, &signs) {
         Ok(Symmetric { matrix, is_as_written }) => {
             let own = || if is_as_written { solver.inertia(&matrix) } else { solver.inertia_beside(&matrix) };
             let inertia = as_written.filter(|_| is_as_written).or_else(own);
@@ -96,7 +114,7 @@ pub fn unstable(
             let found = if is_as_written && of_forces == 0 { Unstable::Directions } else { Unstable::Beside };
             (negative > of_forces).then(|| found(negative - of_forces))
         }
-        Err(whole) if is_suspicious => {
+        Err(whole) if *is_suspicious => {
             let is_negative = system.has_nonlinear_bodies().then(|| solver.sign_of(&whole)).flatten();
             has_odd_roots(is_negative?, groups.parity(&signs)?).then_some(Unstable::Odd)
         }

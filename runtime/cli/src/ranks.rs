@@ -96,7 +96,7 @@ impl Shared<'_> {
             Some(why) => {
                 self.tell(&format!("{} ranks, each with the whole mesh: {why}\n", self.team.size()));
                 self.send(&mut |_| vec![WHOLE]);
-                self.whole(scene)?
+                self.whole(scene)
             }
             None => self.parted(&loaded, scene)?,
         };
@@ -110,7 +110,7 @@ impl Shared<'_> {
             Some((&PART, bytes)) => self.part(&loaded, bytes)?,
             Some((&WHOLE, _)) => {
                 let scene = prepare_scene(&mut loaded, self.backend, &self.args.no_prune);
-                self.whole(scene.ok_or_else(|| "the scene of the first rank has no errors, this one has".to_owned())?)?
+                self.whole(scene.ok_or_else(|| "the scene of the first rank has no errors, this one has".to_owned())?)
             }
             _ => return Ok(ExitCode::SUCCESS),
         };
@@ -144,10 +144,10 @@ impl Shared<'_> {
     }
 
     /// The scene of a rank that has the whole mesh.
-    fn whole(&self, scene: Scene) -> Result<Scene, String> {
+    fn whole(&self, scene: Scene) -> Scene {
         let mut scene = shaped(self.args, scene);
-        scene.share_rows(Arc::clone(self.team)).map_err(|error| error.to_string())?;
-        Ok(scene)
+        scene.share_rows(Arc::clone(self.team));
+        scene
     }
 
     /// Sends each rank its part of the scene; the first one keeps its own alone.

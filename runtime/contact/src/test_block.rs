@@ -178,8 +178,8 @@ impl Made {
     fn finish(self) -> Block {
         let Self { mesh, fields, numbering, terms, frozen, contact } = self;
         let known = Known { data: vec![Vec::new(); fields.len()], ..Known::default() };
-        let mut system = System::new(mesh, fields, numbering, terms, known).unwrap();
-        system.add_frozen(frozen).unwrap();
+        let mut system = System::new(mesh, fields, numbering, terms, known);
+        system.add_frozen(frozen);
         system.begin_step(Window::new(1.0, 1.0)).unwrap();
         let mut contact = Contact::new(contact);
         contact.begin_step(Window::new(1.0, 1.0));

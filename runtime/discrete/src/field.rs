@@ -235,7 +235,7 @@ impl Field {
         let rows = Arc::clone(&group.side(side).rows);
         let data = group.side(side);
         let edge = if side == Side::Here { group.edge } else { group.edge_there };
-        let mut nodes = Vec::new();
+        let mut nodes: Vec<u32> = Vec::new();
         let mut element = None;
         for k in 0..n {
             let facet = data.facets.get(k);
@@ -251,6 +251,9 @@ impl Field {
                 let cell = data.cells[k].index();
                 return Err(FieldError::NotHere { field: self.name.clone(), place: format!("cell {cell}") });
             };
+            if nodes.is_empty() {
+                nodes.reserve_exact(n * its_nodes.len());
+            }
             nodes.extend_from_slice(its_nodes);
             element.get_or_insert(of_entity);
         }

@@ -28,6 +28,7 @@ mod numbering;
 mod on_faces;
 mod operator;
 mod past;
+mod places;
 mod positions;
 mod residual;
 mod shared;
@@ -47,12 +48,13 @@ pub use linear::Redistribution;
 pub use numbering::{FIXED, Numbering, Tie};
 use on_faces::OnFaces;
 use past::PastMatrices;
+use places::Places;
 pub use past::{PastForm, is_affine_in_the_past, is_of_rates, readings, stays};
 use positions::Placed;
 pub use residual::Residual;
 use shared::Counts;
 use sizes::meeting_fields;
-use tangent::SceneAxes;
+use places::SceneAxes;
 pub use tangent::{StandIn, Tangent};
 use thiserror::Error;
 use wfl_compiler::Class;
@@ -106,10 +108,8 @@ pub struct System {
     /// The scalar of the mass beside the terms that the matrix was assembled with.
     linear_mass: f64,
     bulk: Arc<Csr>,
-    /// The pattern of the changing terms over the free dofs.
-    changing: Arc<Pattern>,
-    /// Where they are summed before they are rotated; `None` without local frames and dofs that follow others.
-    scene_axes: Option<Arc<SceneAxes>>,
+    /// Where the changing terms stand in their matrix, once that is asked for; copies find it together.
+    places: Arc<OnceLock<Places>>,
     constant: Vec<f64>,
     /// By dof, what rounding of `constant` is relative to.
     constant_sizes: Vec<f64>,
@@ -147,16 +147,18 @@ pub struct System {
 
 impl System {
     /// A system over these terms; assembles nothing yet.
-    ///
-    /// # Errors
-    /// [`CsrError`] when the pattern does not fit the index types.
+    #[must_use]
     pub fn new(
         mesh: Mesh,
         fields: Vec<Field>,
         numbering: Numbering,
-        terms: Vec<AssembledTerm>,
+        mut terms: Vec<AssembledTerm>,
         known: Known,
-    ) -> Result<Self, CsrError> {
+    ) -> Self {
+        for k in 1..terms.len() {
+            let (before, own) = terms.split_at_mut(k);
+            own[0].share_dofs(before);
+        }
         let n_free = numbering.n_free();
         let constant = vec![0.0; numbering.n_dofs];
         let meets = meeting_fields(&fields, &terms);
@@ -175,8 +177,7 @@ impl System {
             linear_uniforms: Vec::new(),
             linear_mass: 0.0,
             bulk: Arc::new(nothing(n_free)),
-            changing: Arc::new(Pattern::empty(n_free, n_free)),
-            scene_axes: None,
+            places: Arc::default(),
             constant_sizes: constant.clone(),
             constant,
             loaded: Vec::new(),
@@ -199,54 +200,20 @@ impl System {
         };
         // on a part of a mesh there is nobody who has all rows
         this.share_again();
-        this.locate()?;
-        Ok(this)
+        this.forget_places();
+        this
     }
 
     /// Gives terms their frozen forms; their branches are fields numbered behind those of the scene.
-    ///
-    /// # Errors
-    /// [`CsrError`] when the pattern does not fit the index types.
-    pub fn add_frozen(&mut self, frozen: Vec<FrozenTerm>) -> Result<(), CsrError> {
+    pub fn add_frozen(&mut self, frozen: Vec<FrozenTerm>) {
         self.frozen = frozen;
-        self.locate()
+        self.forget_places();
     }
 
     /// The terms that have a frozen form.
     #[must_use]
     pub fn frozen(&self) -> &[FrozenTerm] {
         &self.frozen
-    }
-
-    /// Finds where the changing terms stand in their matrix.
-    fn locate(&mut self) -> Result<(), CsrError> {
-        let (numbering, share) = (&self.numbering, self.share.as_deref());
-        let changes = |t: &&AssembledTerm| t.law.class >= Class::Nonlinear;
-        // images that are followed have places in each tangent
-        let follows = self.follows_images();
-        let has_places = |t: &&AssembledTerm| !(follows && t.integrator.moves());
-        let all = self.terms.iter().filter(changes).chain(self.frozen.iter().map(|f| &f.form)).filter(has_places);
-        let axes = if numbering.frames.is_empty() && !numbering.has_ties() {
-            let place = |d: u32| numbering.free[d as usize];
-            let free = pattern(all, numbering.n_free(), &numbering.frames, place, share)?;
-            self.changing = free.pattern().clone();
-            None
-        } else {
-            let axes = SceneAxes::new(all, numbering, share)?;
-            self.changing = axes.free_pattern().clone();
-            Some(axes)
-        };
-        let (pattern, rows) = match &axes {
-            Some(axes) => (axes.pattern(), &axes.rows),
-            None => (&self.changing, &numbering.free),
-        };
-        let frozen = self.frozen.iter_mut().map(|f| &mut f.form);
-        for term in self.terms.iter_mut().filter(|t| t.law.class >= Class::Nonlinear).chain(frozen) {
-            term.locate_own(pattern, rows, self.share.as_ref());
-        }
-        self.scene_axes = axes.map(Arc::new);
-        self.count();
-        Ok(())
     }
 
     /// Does something although the scene does not need it, to measure what leaving it out saves; before [`Self::add_frozen`].
@@ -403,15 +370,12 @@ impl System {
     }
 
     /// Takes dofs out of the system and lets others follow their leaders; `frames` are those of all nodes that have one.
-    ///
-    /// # Errors
-    /// [`CsrError`] when the pattern does not fit the index types.
     pub fn leave_out(
         &mut self,
         dofs: impl IntoIterator<Item = usize>,
         ties: Vec<Tie>,
         frames: Vec<Frame>,
-    ) -> Result<(), CsrError> {
+    ) {
         let numbering = Arc::make_mut(&mut self.numbering);
         numbering.set_frames(frames);
         numbering.fix(dofs);
@@ -420,7 +384,7 @@ impl System {
         self.bodies = bodies::Found::new();
         (self.linear, self.steady, self.past_matrices, self.without_matrix) = (None, None, None, None);
         self.bulk = Arc::new(nothing(self.numbering.n_free()));
-        self.locate()
+        self.forget_places();
     }
 
     /// The values of all fields at `u`.
@@ -486,6 +450,20 @@ fn pattern<'t>(
     share: Option<&Share>,
 ) -> Result<Csr, CsrError> {
     let mut builder = PatternBuilder::new(n, n);
+    for_each_coupling(terms, frames, place, share, |rows, columns| builder.add_coupling(rows, columns));
+    let pattern = builder.build_shared()?;
+    claim_numbers(pattern.n_entries() as u64, "the matrix")?;
+    Ok(Csr::zeros(pattern))
+}
+
+/// Calls with the rows and columns that each entity of some terms couples, as [`pattern`] takes them.
+fn for_each_coupling<'t>(
+    terms: impl Iterator<Item = &'t AssembledTerm>,
+    frames: &Frames,
+    place: impl Fn(u32) -> u32,
+    share: Option<&Share>,
+    mut f: impl FnMut(&[u32], &[u32]),
+) {
     let (mut rows, mut columns, mut complete) = (Vec::new(), Vec::new(), Vec::new());
     let is_own = |dof: &&u32| share.is_none_or(|share| share.owns(**dof as usize));
     for term in terms {
@@ -502,12 +480,9 @@ fn pattern<'t>(
             }
             columns.clear();
             columns.extend(of_columns.iter().map(|d| place(*d)).filter(|r| *r != FIXED));
-            builder.add_coupling(&rows, &columns);
+            f(&rows, &columns);
         });
     }
-    let pattern = builder.build_shared()?;
-    claim_numbers(pattern.n_entries() as u64, "the matrix")?;
-    Ok(Csr::zeros(pattern))
 }
 
 /// The matrix without entries.

@@ -177,6 +177,15 @@ impl Iterative {
         }
     }
 
+    /// Forgets an operator and keeps its levels.
+    pub(super) fn forget_operator(&mut self) {
+        if let Solver::Conjugate(solver) = &mut self.solver
+            && solver.is_applied()
+        {
+            solver.forget_source();
+        }
+    }
+
     fn has_kept_levels(&self) -> bool {
         match &self.solver {
             Solver::Conjugate(solver) => solver.has_kept_levels(),

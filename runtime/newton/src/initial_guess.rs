@@ -99,7 +99,7 @@ fn linear_response(step: &mut LoadStep<'_>, at: &[f64], given: &[f64]) -> Result
     let moved: Vec<f64> = at.iter().zip(given).map(|(a, g)| a + PART * g).collect();
     let there = system.residual(&moved, &form)?.values;
     let here = system.residual(at, &form)?.values;
-    step.assemble_tangent(at, frozen)?;
+    step.renew_tangent(at, frozen)?;
     step.factor()?;
     let force: Vec<f64> = here.iter().zip(&there).map(|(r, t)| -r - (t - r) / PART).collect();
     let (mut rhs, mut direction) = (Vec::new(), Vec::new());

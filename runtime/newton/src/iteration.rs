@@ -205,7 +205,7 @@ impl Attempt<'_> {
         if is_new {
             self.switch(step)?;
         }
-        step.assemble_tangent(self.u, self.norm.frozen)?;
+        step.renew_tangent(self.u, self.norm.frozen)?;
         if let Some(Hold { free, stiffness }) = self.holds.take() {
             let is_there = step.tangent.changing.add_to(free, free, stiffness);
             debug_assert!(is_there, "the pattern stays within an attempt");

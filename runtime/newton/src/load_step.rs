@@ -191,6 +191,12 @@ impl LoadStep<'_> {
         self.system.tangent(u, branches, self.tangent)
     }
 
+    /// The same where the tangent is going to be solved with: that of the state before is needed no more.
+    pub(super) fn renew_tangent(&mut self, u: &[f64], frozen: bool) -> Evaluated<()> {
+        self.solver.forget_applied();
+        self.assemble_tangent(u, frozen)
+    }
+
     /// The residual at `u` and its measures.
     pub(super) fn measure(&self, u: &[f64], norm: &Norm) -> Evaluated<Measured> {
         let system = self.system;

@@ -70,7 +70,7 @@ pub(super) fn refine(
 fn one(step: &mut LoadStep<'_>, u: &mut [f64], norm: &Norm, history: &mut StepHistory) -> Result<f64, NewtonError> {
     let start = u.to_vec();
     let here = step.measure(u, norm)?;
-    step.assemble_tangent(u, norm.frozen)?;
+    step.renew_tangent(u, norm.frozen)?;
     let mut direction = Vec::new();
     step.correct(&here.residual, 0.0, &mut direction, history)?;
     let mut by_dof = vec![0.0; u.len()];

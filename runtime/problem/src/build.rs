@@ -349,8 +349,8 @@ impl Builder<'_> {
         let known = Known { rates: rates::driven(rates, &numbering, &prescribed, &starts), ..known };
         let unused_fields = self.unused_fields(&used, &numbering);
         let env = self.owned_env();
-        let made = System::new(self.mesh, self.fields, numbering, terms, known)
-            .and_then(|system| with_contact(system, contact, self.keep, within(&steps)));
+        let system = System::new(self.mesh, self.fields, numbering, terms, known);
+        let made = with_contact(system, contact, self.keep, within(&steps));
         let at = idle::Sides { topology: &self.topology, mappings: self.mappings, shared: &shared };
         let (mut system, contact, idle) = without_idle(made, self.script, at, self.diagnostics)?;
         system.plan_past(past);
@@ -529,25 +529,24 @@ fn with_contact(
     contact: Vec<(FrozenTerm, ContactTerm)>,
     keep: &[Pruning],
     at: f64,
-) -> Result<(System, Contact), CsrError> {
+) -> (System, Contact) {
     keep.iter().for_each(|pruning| system.keep(*pruning));
     let (frozen, contact): (Vec<FrozenTerm>, Vec<ContactTerm>) = contact.into_iter().unzip();
-    system.add_frozen(frozen)?;
+    system.add_frozen(frozen);
     let mut contact = Contact::new(contact);
     system.set_laws(Window::new(at, 1.0));
     contact.begin_step(system.step());
-    Ok((system, contact))
+    (system, contact)
 }
 
 /// A system and its contact without idle multipliers, and what is said of those; `None` after a message. On a part of the
 /// mesh they are left out as on the whole one.
 fn without_idle(
-    made: Result<(System, Contact), CsrError>,
+    (mut system, mut contact): (System, Contact),
     script: &ResolvedScript,
     sides: idle::Sides<'_>,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<(System, Contact, idle::Notes)> {
-    let (mut system, mut contact) = made.map_err(|e| diagnostics.push(structure_error(script, e))).ok()?;
     if !system.mesh.is_whole() {
         contact.share(&system);
         return Some((system, contact, idle::Notes::new()));

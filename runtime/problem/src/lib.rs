@@ -104,7 +104,6 @@ use wfl_mesh::{
     refine::Mark,
 };
 use wfl_newton::NewtonOptions;
-use wfl_sparse::csr::CsrError;
 
 pub use balances::{Ended, Turnover, unbalanced};
 use batch::Batch;
@@ -344,13 +343,9 @@ impl Scene {
     }
 
     /// Shares the rows of the equations out over ranks that have prepared the same scene; before the first step.
-    ///
-    /// # Errors
-    /// [`CsrError`] when the matrices of a rank do not fit the index types.
-    pub fn share_rows(&mut self, team: Arc<dyn Team>) -> Result<(), CsrError> {
-        self.system.share_rows(team)?;
+    pub fn share_rows(&mut self, team: Arc<dyn Team>) {
+        self.system.share_rows(team);
         self.contact.share(&self.system);
-        Ok(())
     }
 }
 

@@ -118,6 +118,18 @@ impl Run {
         scene.system.residual(&self.u, &Form::AS_WRITTEN).map_or_else(|_| Vec::new(), |residual| residual.branches)
     }
 
+    /// In which directions the converged state is not stable. Told once: later states lie on the branch of the first.
+    fn look_at_stability(&mut self, scene: &Solving<'_>, due: bool) -> Option<Unstable> {
+        let Self { stepper, row_signs, u, .. } = self;
+        let (solver, tangent) = (stepper.solver.as_mut()?, stepper.tangent.as_mut()?);
+        let start = || start(scene);
+        let doubt = wfl_checks::doubted(scene.system, solver, due, row_signs, &start)?;
+        // the tangent of the last iterate is needed no more, and takes as much memory as that of the state
+        tangent.forget_operator();
+        solver.forget_applied();
+        wfl_checks::unstable(&doubt, (scene.system, u), solver, row_signs, &start)
+    }
+
     /// How good the converged state is.
     fn judge(&mut self, scene: &Solving<'_>, history: &StepHistory) -> Result<Judged, NewtonError> {
         let form = Form { linear: self.stepper.linear, ..Form::AS_WRITTEN };
@@ -154,21 +166,17 @@ impl Run {
         found.extend(conditions.checks);
         let (narrow, zigzags) = (conditions.narrow, conditions.zigzags);
         let turned = wfl_checks::turned_cells(system, &self.u);
-        // told once: later states lie on the branch of the first
-        let start = || start(scene);
-        let unstable = match known.unstable {
-            true => None,
-            false => wfl_checks::unstable(state, solver, due, &mut self.row_signs, &start),
-        };
         // a check never fails a state that has converged: what it cannot evaluate it does not judge
         let others = wfl_checks::others(system, contact, solver, &self.u, known.most).unwrap_or_default();
+        let unstable = |of: &mut Self| if known.unstable { None } else { of.look_at_stability(scene, due) };
         let few = history.hidden > 0.0 || accuracy.as_ref().is_some_and(|a| a.digits() < findings::FEW_DIGITS);
         let doubtful = few || found.iter().any(|c| !c.holds());
         // where the prescribed values alone turn cells inside out, the state of rest is no state at all
         if doubtful && wfl_checks::rests(state, &form).unwrap_or(false) {
             // what differs from zero is rounding, and so is every number made of it
-            return Ok(Judged { others, unstable, residual, ..Judged::default() });
+            return Ok(Judged { others, unstable: unstable(self), residual, ..Judged::default() });
         }
+        let unstable = unstable(self);
         let hidden = history.hidden;
         Ok(Judged { accuracy, hidden, checks: found, turned, narrow, zigzags, others, unstable, residual })
     }

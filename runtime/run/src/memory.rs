@@ -9,7 +9,7 @@ use wfl_problem::Solving;
 /// tangent that it has; what a checkpoint keeps has all.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
-    /// Values of the last tangent of the nonlinear terms.
+    /// Values of the last tangent of the nonlinear terms; empty before the first one.
     pub changing: Vec<f64>,
     /// The state of contact.
     pub contact: ContactMemory,
@@ -38,7 +38,7 @@ impl Memory {
         Self { changing, ..Self::of(scene, tangent) }
     }
 
-    /// What steps without a tangent leave: the state of contact and the states.
+    /// What is left where there was no tangent yet, or never is one: the state of contact and the states.
     pub(super) fn without_tangent(scene: &Solving<'_>) -> Self {
         let system = &scene.system;
         let states = states(system).map(|k| system.data()[k].clone()).collect();
@@ -55,7 +55,7 @@ impl Memory {
     #[must_use]
     pub(super) fn recall_of_all(&self, scene: &mut Solving<'_>, tangent: &mut Tangent) -> bool {
         let team = scene.system.team();
-        if keeps_its_own(scene.system) || tangent.is_applied() {
+        if keeps_its_own(scene.system) || tangent.is_applied() || self.changing.is_empty() {
             return self.recall(scene, tangent);
         }
         let mut own = tangent.changing.clone();

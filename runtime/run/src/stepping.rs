@@ -140,7 +140,7 @@ impl Stepper {
     pub(super) fn memory(&self, scene: &Solving<'_>) -> Memory {
         match &self.tangent {
             Some(tangent) => Memory::of(scene, tangent),
-            None => Memory::of(scene, &scene.system.new_tangent()),
+            None => Memory::without_tangent(scene),
         }
     }
 
@@ -148,8 +148,7 @@ impl Stepper {
     pub(super) fn memory_of_all(&self, scene: &Solving<'_>) -> Memory {
         match &self.tangent {
             Some(tangent) => Memory::of_all(scene, tangent),
-            None if scene.explicit.is_some() => Memory::without_tangent(scene),
-            None => Memory::of_all(scene, &scene.system.new_tangent()),
+            None => Memory::without_tangent(scene),
         }
     }
 

@@ -7,16 +7,18 @@
 mod error;
 mod pattern;
 mod products;
+mod restriction;
 
 use std::sync::Arc;
 
 use rayon::prelude::*;
 use wfl_host::team::Team;
 
-use crate::{index::NONE, norm::largest};
+use crate::norm::largest;
 pub use error::CsrError;
 pub use pattern::{Pattern, PatternBuilder};
 pub use products::{Outside, Rows, Whole, product_and_size, product_and_sizes};
+pub use restriction::Restriction;
 
 /// Rows handled by one parallel task of a product.
 const ROWS_PER_TASK: usize = 1024;
@@ -269,22 +271,30 @@ impl Csr {
     /// than [`Self::is_symmetric`] allows, among rows and columns that count.
     pub fn first_asymmetry(&self, tolerance: f64, counts: &dyn Fn(usize) -> bool) -> Option<(usize, usize)> {
         let sizes = self.row_sizes();
-        let (transposed, sources) = self.pattern.transpose();
-        let mirrored = transposed == *self.pattern;
-        let mut place = 0;
-        (0..self.n_rows()).find_map(|row| {
+        // rows come in order, and so do, in each row, the entries whose mirror images they hold: of a symmetric pattern the next one
+        // is always the one that is looked for
+        let starts = self.pattern.row_starts();
+        let mut next = starts[..self.n_rows()].to_vec();
+        for row in 0..self.n_rows() {
             let (columns, values) = self.row(row);
-            let first = place;
-            place += columns.len();
-            let differs = |(k, (&column, value)): (usize, (&u32, &f64))| {
+            for (&column, value) in columns.iter().zip(values) {
                 let column = column as usize;
-                let other = if mirrored { self.values[sources[first + k]] } else { self.get(column, row) };
+                let place = next[column];
+                let is_mirrored = place < starts[column + 1] && self.pattern.columns()[place] as usize == row;
+                let other = if is_mirrored {
+                    next[column] += 1;
+                    self.values[place]
+                } else {
+                    self.get(column, row)
+                };
                 // also what is no number
                 let is_same = (value - other).abs() <= tolerance * sizes[row] * sizes[column];
-                (counts(column) && !is_same).then_some((row, column))
-            };
-            if counts(row) { columns.iter().zip(values).enumerate().find_map(differs) } else { None }
-        })
+                if !is_same && counts(row) && counts(column) {
+                    return Some((row, column));
+                }
+            }
+        }
+        None
     }
 
     /// By row the square root of its largest magnitude. Rounding of an entry that couples two unknowns is a part of what both
@@ -394,92 +404,6 @@ pub fn residual_compensated(parts: &[&Csr], b: &[f64], x: &[f64], r: &mut [f64],
     }
 }
 
-/// A reusable recipe that gathers the entries of any matrix on one pattern in a smaller matrix: rows and columns are left
-/// out, or added to others.
-#[derive(Debug, Clone)]
-pub struct Restriction {
-    pattern: Arc<Pattern>,
-    /// By entry of the source its place in the result, or [`NONE`].
-    places: Vec<u32>,
-}
-
-impl Restriction {
-    /// Prepares a result of `n` rows and columns: row and column i of the square source are added to row and column
-    /// `targets[i]` of it; those with [`NONE`] are left out.
-    ///
-    /// # Errors
-    /// [`CsrError::Structure`] when the lists do not fit the source or the size.
-    pub fn new(source: &Pattern, targets: &[u32], n: usize) -> Result<Self, CsrError> {
-        if source.n_rows() != targets.len() || source.n_cols() != targets.len() {
-            return Err(CsrError::Structure { row: targets.len(), what: "one target for each row and column" });
-        }
-        if let Some(row) = targets.iter().position(|t| *t != NONE && *t as usize >= n) {
-            return Err(CsrError::Structure { row, what: "target outside the matrix" });
-        }
-        let mut order: Vec<u32> = (0..targets.len() as u32).filter(|r| targets[*r as usize] != NONE).collect();
-        order.sort_by_key(|r| targets[*r as usize]);
-        let (mut row_starts, mut columns) = (vec![0usize], Vec::new());
-        let mut rest = order.as_slice();
-        for row in 0..n as u32 {
-            let (own, others) = rest.split_at(rest.partition_point(|r| targets[*r as usize] == row));
-            rest = others;
-            let begin = columns.len();
-            let entries = own.iter().flat_map(|r| source.row(*r as usize));
-            columns.extend(entries.map(|c| targets[*c as usize]).filter(|t| *t != NONE));
-            columns[begin..].sort_unstable();
-            let mut kept = begin;
-            for at in begin..columns.len() {
-                if at == begin || columns[at] != columns[kept - 1] {
-                    columns[kept] = columns[at];
-                    kept += 1;
-                }
-            }
-            columns.truncate(kept);
-            row_starts.push(columns.len());
-        }
-        let pattern = Pattern::new(n, n, row_starts, columns)?;
-        let mut places = Vec::with_capacity(source.n_entries());
-        for (row, target) in targets.iter().enumerate() {
-            for column in source.row(row) {
-                let at = match (*target, targets[*column as usize]) {
-                    (NONE, _) | (_, NONE) => None,
-                    (row, column) => pattern.position(row as usize, column as usize),
-                };
-                places.push(at.map_or(NONE, |p| u32::try_from(p).expect("fewer than 2^32 entries")));
-            }
-        }
-        Ok(Self { pattern: Arc::new(pattern), places })
-    }
-
-    /// The pattern of the result.
-    #[inline]
-    pub fn pattern(&self) -> &Arc<Pattern> {
-        &self.pattern
-    }
-
-    /// The result of a matrix on the source pattern.
-    ///
-    /// # Panics
-    /// When `matrix` has another number of entries than the source pattern.
-    pub fn apply(&self, matrix: &Csr) -> Csr {
-        let mut out = Csr::zeros(Arc::clone(&self.pattern));
-        self.apply_into(matrix, out.values_mut());
-        out
-    }
-
-    /// Writes the values of the result, without allocation.
-    ///
-    /// # Panics
-    /// When `matrix` has another number of entries than the source pattern, or `values` another than the result.
-    pub fn apply_into(&self, matrix: &Csr, values: &mut [f64]) {
-        assert!(matrix.values.len() == self.places.len() && values.len() == self.pattern.n_entries(), "other pattern");
-        values.fill(0.0);
-        for (place, value) in self.places.iter().zip(&matrix.values).filter(|(place, _)| **place != NONE) {
-            values[*place as usize] += value;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -548,19 +472,6 @@ mod tests {
         residual_compensated(&[&a], &x, &x, &mut one, 1);
         residual_compensated(&[&a], &x, &x, &mut two, 2);
         assert_eq!(one, two);
-    }
-
-    #[test]
-    fn a_restriction_leaves_out_and_adds_up() {
-        let triplets = [(0, 0, 1.0), (0, 1, 2.0), (1, 0, 3.0), (1, 2, 4.0), (2, 1, 5.0), (2, 2, 6.0), (3, 3, 7.0)];
-        let a = Csr::from_triplets(4, 4, &triplets).unwrap();
-        // 2 is added to 0, 3 is left out
-        let map = Restriction::new(a.pattern(), &[0, 1, 0, NONE], 2).unwrap();
-        let b = map.apply(&a);
-        assert_eq!([b.get(0, 0), b.get(0, 1), b.get(1, 0), b.get(1, 1)], [7.0, 7.0, 7.0, 0.0]);
-        assert_eq!(map.pattern().n_entries(), 3);
-        assert!(Restriction::new(a.pattern(), &[0, 1, 0, 3], 2).is_err());
-        assert!(Restriction::new(a.pattern(), &[0, 1], 2).is_err());
     }
 
     #[test]

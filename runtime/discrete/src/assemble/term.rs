@@ -16,7 +16,7 @@ mod summands;
 mod work;
 
 use std::sync::{
-    Arc, Mutex, PoisonError,
+    Arc, Mutex, OnceLock, PoisonError,
     atomic::{AtomicBool, AtomicU64, Ordering},
 };
 
@@ -112,8 +112,9 @@ pub struct AssembledTerm {
     /// For each group.
     plans: Arc<Vec<Arc<TangentPlan>>>,
     /// For each group, once a pattern is known.
-    scatters: Arc<Vec<Scatter>>,
-    located: Option<Arc<Located>>,
+    scatters: Arc<OnceLock<Vec<Scatter>>>,
+    /// The pattern; copies learn of it together.
+    located: Arc<OnceLock<Arc<Located>>>,
     /// Of all rows, and of those of a rank.
     kept: [Mutex<Kept>; 2],
     workspaces: Mutex<Vec<Workspace>>,
@@ -190,10 +191,17 @@ impl AssembledTerm {
             uniforms: Vec::new(),
             dofs: Arc::new(dofs),
             scatters: Arc::default(),
-            located: None,
+            located: Arc::default(),
             kept: Default::default(),
             workspaces: Mutex::default(),
             given: None,
+        }
+    }
+
+    /// Shares the list of dofs with another term that acts on the same ones.
+    pub(crate) fn share_dofs(&mut self, others: &[Self]) {
+        if let Some(same) = others.iter().find(|other| other.dofs == self.dofs) {
+            self.dofs = Arc::clone(&same.dofs);
         }
     }
 
@@ -300,19 +308,28 @@ impl AssembledTerm {
     /// The same in a matrix that has the rows of one rank alone; [`Self::add_tangent`] then adds to these, and is made by
     /// all ranks together.
     pub fn locate_own(&mut self, pattern: &Arc<Pattern>, free: &[u32], share: Option<&Arc<Share>>) {
-        self.located = Some(Arc::new(Located { pattern: pattern.clone(), rows: free.to_vec(), share: share.cloned() }));
-        self.forget_places();
-        self.forget_images();
-        self.scatters = Arc::default();
+        self.forget();
+        self.locate_together(pattern, free, share);
+    }
+
+    /// The same for all copies of a term that has no places yet.
+    pub(crate) fn locate_together(&self, pattern: &Arc<Pattern>, free: &[u32], share: Option<&Arc<Share>>) {
+        let located = || Arc::new(Located { pattern: pattern.clone(), rows: free.to_vec(), share: share.cloned() });
+        let located = self.located.get_or_init(located);
         if self.moving.is_none() {
-            let _ = self.place(None);
+            self.scatters.get_or_init(|| self.places_in(located, None).scatters);
         }
+    }
+
+    /// By group where its tangent goes; it has been located.
+    fn scatters(&self) -> &[Scatter] {
+        self.scatters.get().expect("places before the tangent")
     }
 
     /// Forgets what [`Self::locate`] found: for terms that are assembled once.
     pub fn forget(&mut self) {
         self.scatters = Arc::default();
-        self.located = None;
+        self.located = Arc::default();
         self.forget_images();
         self.forget_places();
     }
@@ -481,7 +498,7 @@ impl AssembledTerm {
         if let Some(moved) = self.moved_in_matrix(mesh, values) {
             return moved.tangent_into(mesh, values, matrix, is_new);
         }
-        let located = self.located.as_ref().expect("a pattern before the tangent");
+        let located = self.located.get().expect("a pattern before the tangent");
         let share = located.share.as_deref();
         let (shares, rows, halves) = self.shared_rows(mesh, located, is_new);
         let finite = AtomicBool::new(true);
@@ -498,7 +515,7 @@ impl AssembledTerm {
                         finite.store(false, Ordering::Relaxed);
                     }
                     let Workspace { arch, local, row, .. } = workspace;
-                    let (scatter, entities) = (&self.scatters[duty.group], self.entities(duty));
+                    let (scatter, entities) = (&self.scatters()[duty.group], self.entities(duty));
                     match halves.as_ref().and_then(|halves| halves.of(duty)) {
                         Some(half) => scatter.add_half(*arch, entities, local, (half, duty.all_rows), own),
                         None => scatter.add_batch(*arch, entities, local, row, own),

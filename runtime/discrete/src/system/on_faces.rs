@@ -33,7 +33,7 @@ impl System {
         let frozen = self.frozen.iter().filter(|frozen| is_own(&frozen.term)).map(|frozen| &frozen.form);
         let all = terms.iter().map(|k| &self.terms[*k]).chain(frozen);
         let numbering = &self.numbering;
-        let (axes, pattern) = if self.scene_axes.is_none() {
+        let (axes, pattern) = if numbering.frames.is_empty() && !numbering.has_ties() {
             let place = |dof: u32| numbering.free[dof as usize];
             let own = pattern(all, numbering.n_free(), &Frames::default(), place, None)?;
             (None, Arc::clone(own.pattern()))

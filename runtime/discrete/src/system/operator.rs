@@ -93,8 +93,7 @@ impl System {
     /// Forgets the matrix of the changing terms but for those that are not applied: their pattern by dof.
     fn leave_tangents(&mut self) -> Result<Option<Csr>, CsrError> {
         let n = self.numbering.n_dofs;
-        self.changing = Arc::clone(nothing(self.numbering.n_free()).pattern());
-        self.scene_axes = None;
+        self.leave_places();
         let every_dof: Vec<u32> = (0..u32::try_from(n).expect("fewer than 2^32 dofs")).collect();
         let is_rest = |term: &AssembledTerm| term.law.class >= Class::Nonlinear && !term.can_be_applied();
         let frozen = self.frozen.iter().map(|frozen| &frozen.form);
@@ -149,7 +148,7 @@ impl System {
         let mut own = Self { without_matrix: None, ..self.clone() };
         if self.without_matrix.is_some() {
             own.linear = None;
-            own.locate()?;
+            own.forget_places();
             own.assemble_linear(&vec![0.0; self.numbering.n_dofs])?;
         }
         Ok(own)

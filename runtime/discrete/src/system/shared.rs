@@ -10,7 +10,7 @@ use wfl_host::team::{Alone, Team};
 use wfl_sparse::csr::{Csr, CsrError};
 use wfl_sparse::solve::RowOwners;
 
-use super::{FIXED, System};
+use super::{FIXED, System, for_each_coupling};
 use crate::{
     assemble::{AssembledTerm, BranchCounts, FieldValues, TermError},
     rates::Driven,
@@ -40,17 +40,15 @@ impl System {
     /// By free dof 1 where the changing terms of this rank touch it, by row or by column, and 0 elsewhere; empty where
     /// there are none.
     fn touched(&self) -> Vec<f64> {
-        if self.changing.n_entries() == 0 {
-            return Vec::new();
-        }
-        let mut touched = vec![0.0; self.numbering.n_free()];
-        for row in 0..touched.len() {
-            let columns = self.changing.row(row);
+        let (numbering, mut touched) = (&self.numbering, Vec::new());
+        let (equations, share) = (numbering.equations(), self.share.as_deref());
+        let place = |dof: u32| equations[dof as usize];
+        for_each_coupling(self.terms_with_places(), &numbering.frames, place, share, |rows, columns| {
             if !columns.is_empty() {
-                touched[row] = 1.0;
+                touched.resize(numbering.n_free(), 0.0);
+                rows.iter().chain(columns).for_each(|k| touched[*k as usize] = 1.0);
             }
-            columns.iter().for_each(|column| touched[*column as usize] = 1.0);
-        }
+        });
         touched
     }
 
@@ -71,19 +69,15 @@ impl System {
     }
 
     /// Shares the rows out over ranks that have prepared the same scene; before the first step.
-    ///
-    /// # Errors
-    /// [`CsrError`] when the pattern does not fit the index types.
-    pub fn share_rows(&mut self, team: Arc<dyn Team>) -> Result<(), CsrError> {
+    pub fn share_rows(&mut self, team: Arc<dyn Team>) {
         if team.is_alone() {
-            return Ok(());
+            return;
         }
         if self.mesh.part().is_none() {
             Arc::make_mut(&mut self.mesh).share(team);
             self.share_again();
-            return self.locate();
+            self.forget_places();
         }
-        Ok(())
     }
 
     /// Shares the dofs out as the nodes of the mesh are, where several ranks have them.

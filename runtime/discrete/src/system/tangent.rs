@@ -5,56 +5,13 @@ use std::sync::Arc;
 use wfl_compiler::Class;
 
 use super::applied::AppliedTangent;
-use super::{ActiveSet, Branches, FIXED, Numbering, System, pattern};
+use super::places::Places;
+use super::{ActiveSet, Branches, FIXED, System, pattern};
 use crate::assemble::{AssembledTerm, FieldValues, TermError};
 use crate::frames::Frames;
-use crate::share::Share;
 use crate::window::Window;
-use wfl_sparse::csr::{Csr, CsrError, Pattern, Restriction};
+use wfl_sparse::csr::{Csr, CsrError, Pattern};
 use wfl_sparse::solve::Operator;
-
-/// Where the changing terms are summed before they are rotated into local frames: their matrix in the axes of the scene
-/// over the free dofs, those that follow others, and all dofs of nodes with frames.
-pub(super) struct SceneAxes {
-    pattern: Arc<Pattern>,
-    /// By dof its row, or [`FIXED`].
-    pub(super) rows: Vec<u32>,
-    map: Restriction,
-}
-
-impl SceneAxes {
-    pub(super) fn new<'t>(
-        terms: impl Iterator<Item = &'t AssembledTerm>,
-        numbering: &Numbering,
-        share: Option<&Share>,
-    ) -> Result<Self, CsrError> {
-        let equations = numbering.equations();
-        let (mut rows, mut targets) = (vec![FIXED; numbering.n_dofs], Vec::new());
-        for (dof, row) in rows.iter_mut().enumerate() {
-            if equations[dof] != FIXED || numbering.frames.of(dof).is_some() {
-                *row = u32::try_from(targets.len()).expect("fewer than 2^32 dofs");
-                targets.push(equations[dof]);
-            }
-        }
-        let matrix = pattern(terms, targets.len(), &numbering.frames, |d| rows[d as usize], share)?;
-        let map = Restriction::new(matrix.pattern(), &targets, numbering.n_free())?;
-        Ok(Self { pattern: matrix.pattern().clone(), rows, map })
-    }
-
-    pub(super) fn pattern(&self) -> &Arc<Pattern> {
-        &self.pattern
-    }
-
-    /// What a matrix in the axes of the scene, turned into local frames, gives over the free dofs.
-    pub(super) fn apply_into(&self, turned: &Csr, values: &mut [f64]) {
-        self.map.apply_into(turned, values);
-    }
-
-    /// The pattern over the free dofs.
-    pub(super) fn free_pattern(&self) -> &Arc<Pattern> {
-        self.map.pattern()
-    }
-}
 
 /// The tangent of the changing terms over the free dofs, the rows of this rank; that of the linear terms is
 /// [`System::bulk`].
@@ -114,6 +71,11 @@ impl Tangent {
         self.on_faces.as_ref()
     }
 
+    /// Forgets the operator; what sizes of a residual need stays.
+    pub fn forget_operator(&mut self) {
+        self.applied.iter_mut().for_each(|applied| applied.operator = None);
+    }
+
     /// Whether it has no matrix.
     #[must_use]
     pub fn is_applied(&self) -> bool {
@@ -139,9 +101,13 @@ impl Tangent {
         (0..self.changing.n_rows()).flat_map(row).collect()
     }
 
-    /// Takes over values of [`Self::memory`]; false, and nothing is changed, if they are those of another system.
+    /// Takes over values of [`Self::memory`], or zero for none; false, and nothing is changed, if they are those of another system.
     #[must_use]
     pub fn recall(&mut self, memory: &[f64]) -> bool {
+        if memory.is_empty() {
+            self.clear();
+            return true;
+        }
         if let Some(applied) = &mut self.applied {
             return applied.recall(memory);
         }
@@ -175,14 +141,25 @@ impl Tangent {
     }
 }
 
+impl Tangent {
+    /// Makes it zero.
+    fn clear(&mut self) {
+        self.changing.values_mut().fill(0.0);
+        self.applied.iter_mut().for_each(AppliedTangent::clear);
+        self.images.iter_mut().for_each(|images| images.step = None);
+        self.on_faces = None;
+    }
+}
+
 impl System {
     /// A tangent of zeros with the pattern of this system; where images are followed it gets theirs with its values.
     #[must_use]
     pub fn new_tangent(&self) -> Tangent {
+        let Places { changing, axes, .. } = self.places();
         Tangent {
-            changing: Csr::zeros(self.changing.clone()),
-            scene_axes: self.scene_axes.as_ref().map(|s| Csr::zeros(s.pattern.clone())),
-            images: self.follows_images().then(|| OfImages::new(&self.changing)),
+            changing: Csr::zeros(changing.clone()),
+            scene_axes: axes.as_ref().map(|axes| Csr::zeros(axes.pattern().clone())),
+            images: self.follows_images().then(|| OfImages::new(changing)),
             applied: self
                 .without_matrix
                 .as_deref()
@@ -195,7 +172,7 @@ impl System {
     /// The pattern of the changing terms over the free dofs, without those whose images are followed.
     #[must_use]
     pub fn changing_pattern(&self) -> &Arc<Pattern> {
-        &self.changing
+        &self.places().changing
     }
 
     /// Assembles the tangent of the changing terms at `u` into `out`, a tangent of this system.
@@ -206,6 +183,7 @@ impl System {
         if out.applied.is_some() {
             return self.apply_tangent(u, branches, out);
         }
+        self.located().map_err(TermError::Matrix)?;
         if out.images.is_some() {
             let result = self.tangent_of_images(u, branches, out);
             if result.is_err() {
@@ -238,10 +216,7 @@ impl System {
         if self.applies_tangents() {
             return self.with_matrix().is_ok_and(|system| system.find_place(term));
         }
-        let (pattern, rows) = match &self.scene_axes {
-            Some(axes) => (&axes.pattern, &axes.rows),
-            None => (&self.changing, &self.numbering.free),
-        };
+        let (pattern, rows) = self.places().rows(&self.numbering);
         let mut fits = true;
         term.for_each_entity(|tests, trials| {
             let numbers = |dofs: &[u32]| dofs.iter().map(|d| rows[*d as usize]).filter(|k| *k != FIXED).collect();
@@ -257,7 +232,7 @@ impl System {
 
     /// Brings what was assembled into local frames.
     fn turned(&self, out: &mut Tangent, result: Result<(), TermError>) -> Result<(), TermError> {
-        if let (Some(turned), Some(axes)) = (&mut out.scene_axes, &self.scene_axes) {
+        if let (Some(turned), Some(axes)) = (&mut out.scene_axes, &self.places().axes) {
             self.numbering.frames.turn_matrix(turned, |d| axes.rows[d] as usize);
             axes.apply_into(turned, out.changing.values_mut());
         }

@@ -102,6 +102,15 @@ impl LinearSolver {
         }
     }
 
+    /// Forgets a tangent that is applied, where the next one is about to be made: two of them are most of the memory of a run. Until that
+    /// is taken nothing can be solved.
+    pub fn forget_applied(&mut self) {
+        if let (Some(Source::Applied(_)), Some(iterative)) = (&self.source, &mut self.iterative) {
+            self.source = None;
+            iterative.forget_operator();
+        }
+    }
+
     fn take_for_iteration(&mut self, source: Source) -> Result<(), SolveError> {
         let Some(iterative) = &mut self.iterative else { return Err(SolveError::NotFactored) };
         let outcome = iterative.take(&source);

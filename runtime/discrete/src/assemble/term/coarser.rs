@@ -67,7 +67,7 @@ impl AssembledTerm {
             dofs: Arc::new(dofs),
             plans: Arc::new(plans),
             scatters: Arc::default(),
-            located: None,
+            located: Arc::default(),
             kept: Default::default(),
             workspaces: Mutex::default(),
             ..self.clone()

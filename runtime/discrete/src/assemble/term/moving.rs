@@ -7,7 +7,7 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, OnceLock, PoisonError},
 };
 
 use super::{AssembledTerm, TermError, local_dofs, work::Located};
@@ -24,6 +24,14 @@ pub(super) struct Moving {
     last: Mutex<Option<Arc<AssembledTerm>>>,
     /// The last one whose tangent was made: plans and most places are those of the next one.
     placed: Mutex<Option<Arc<AssembledTerm>>>,
+}
+
+/// Places of a term in a pattern.
+pub(super) struct PlacesIn {
+    /// By group.
+    pub(super) scatters: Vec<Scatter>,
+    /// The pattern has all that the term couples.
+    pub(super) is_complete: bool,
 }
 
 /// A copy finds its own images.
@@ -112,7 +120,7 @@ impl AssembledTerm {
     /// The same with its places in the matrix.
     pub(super) fn moved_in_matrix(&self, mesh: &Mesh, values: FieldValues<'_>) -> Option<Arc<Self>> {
         let moved = self.moved_with_plans(mesh, values)?;
-        if moved.located.is_none() || !moved.scatters.is_empty() {
+        if moved.located.get().is_none() || moved.scatters.get().is_some() {
             return Some(moved);
         }
         let moving = self.moving.as_ref()?;
@@ -141,16 +149,16 @@ impl AssembledTerm {
         if self.entries.list.is_empty() {
             return Ok(true);
         }
-        let is_on = |term: &Arc<Self>| term.located.as_ref().is_some_and(|l| Arc::ptr_eq(&l.pattern, on.0));
-        let placed = if is_on(&moved) && !moved.scatters.is_empty() {
+        let is_on = |term: &Arc<Self>| term.located.get().is_some_and(|l| Arc::ptr_eq(&l.pattern, on.0));
+        let placed = if is_on(&moved) && moved.scatters.get().is_some() {
             moved
         } else {
             let mut placed = (*moved).clone();
             placed.forget_places();
             let before = moving.placed();
-            let same = before.as_ref().and_then(|b| b.located.as_ref()).filter(|l| Arc::ptr_eq(&l.pattern, on.0));
+            let same = before.as_ref().and_then(|b| b.located.get()).filter(|l| Arc::ptr_eq(&l.pattern, on.0));
             let new = || Arc::new(Located { pattern: Arc::clone(on.0), rows: on.1.to_vec(), share: None });
-            placed.located = Some(same.cloned().unwrap_or_else(new));
+            placed.located = Arc::new(OnceLock::from(same.cloned().unwrap_or_else(new)));
             if !placed.place(before.as_deref()) {
                 return Ok(false);
             }
@@ -165,16 +173,23 @@ impl AssembledTerm {
     /// Finds the places of all groups in the located pattern, most of them where `before` had them. False if it lacks an
     /// image; what stands in for one that is not found needs no place.
     #[must_use]
-    pub(super) fn place(&mut self, before: Option<&Self>) -> bool {
-        let Some(located) = self.located.clone() else { return true };
+    fn place(&mut self, before: Option<&Self>) -> bool {
+        let Some(located) = self.located.get() else { return true };
+        let PlacesIn { scatters, is_complete } = self.places_in(located, before);
+        self.scatters = Arc::new(OnceLock::from(scatters));
+        is_complete
+    }
+
+    /// The same, without keeping them.
+    pub(super) fn places_in(&self, located: &Arc<Located>, before: Option<&Self>) -> PlacesIn {
         let mut is_complete = true;
         let owns = |dof: u32| located.share.as_ref().is_none_or(|share| share.owns(dof as usize));
-        let in_it = before.filter(|b| b.located.as_ref().is_some_and(|l| Arc::ptr_eq(l, &located)));
+        let in_it = before.filter(|b| b.located.get().is_some_and(|l| Arc::ptr_eq(l, located)));
         let mut place = |g: usize| {
             let (binding, plan) = (&self.assembled.binding.groups[g], &self.plans[g]);
             let group = &self.assembled.domain.groups[g];
             let like = before.filter(|b| b.plans.get(g).is_some_and(|p| Arc::ptr_eq(p, plan)));
-            let like = like.and_then(|b| Some((b, b.scatters.get(g)?)));
+            let like = like.and_then(|b| Some((b, b.scatters.get()?.get(g)?)));
             let new = || Scatter::new(binding, &plan.sources, plan.n_local);
             let mut scatter = like.map_or_else(new, |(_, scatter)| scatter.without_places());
             let known = like.filter(|_| in_it.is_some()).map(|(b, scatter)| (scatter, b.dofs[g].as_slice()));
@@ -184,8 +199,7 @@ impl AssembledTerm {
             scatter
         };
         let scatters = (0..self.dofs.len()).map(&mut place).collect();
-        self.scatters = Arc::new(scatters);
-        is_complete
+        PlacesIn { scatters, is_complete }
     }
 
     /// The sorted dofs behind each face that images may lie on.

@@ -62,7 +62,7 @@ impl Clone for AssembledTerm {
             tangent_needs: self.tangent_needs.clone(),
             plans: Arc::clone(&self.plans),
             scatters: Arc::clone(&self.scatters),
-            located: self.located.clone(),
+            located: Arc::clone(&self.located),
             kept: [kept(0), kept(1)],
             workspaces: Mutex::default(),
             moving: self.moving.clone(),
@@ -101,7 +101,7 @@ impl AssembledTerm {
         let known = kept.rows.take().filter(|rows| rows.can_clear() || !is_new);
         let rows = || Arc::new(Rows::new(pattern, free, &shares, &self.touched(), is_new));
         let rows = kept.rows.insert(known.unwrap_or_else(rows)).clone();
-        let halves = || Arc::new(Halves::new(&self.scatters, &shares, pattern.n_entries()));
+        let halves = || Arc::new(Halves::new(self.scatters(), &shares, pattern.n_entries()));
         let halves = is_new.then(|| kept.halves.get_or_insert_with(halves).clone());
         (shares, rows, halves)
     }

@@ -40,7 +40,14 @@ type Part = (Vec<usize>, Vec<u32>, Vec<f64>);
 
 /// `Pᵀ A P` of a symmetric matrix. A coarse unknown that no fine one follows keeps an equation `x = 0`.
 pub(super) fn galerkin<T: Real>(a: &dyn Rows, p: &Transfer<T>) -> Blocks<f64> {
-    mirrored(&parts(a, p, Triangle::Upper), p.down.n_cols, p.down.shape[1])
+    mirrored(parts(a, p, Triangle::Upper), p.down.n_cols, p.down.shape[1])
+}
+
+/// The same, and the rounded prolongation: the one of double precision goes before the result takes its room.
+pub(super) fn galerkin_then_rounded(a: &dyn Rows, p: Transfer<f64>) -> (Blocks<f64>, Transfer<f32>) {
+    let parts = parts(a, &p, Triangle::Upper);
+    let p = p.rounded();
+    (mirrored(parts, p.down.n_cols, p.down.shape[1]), p)
 }
 
 /// `Pᵀ A P` of any matrix; rows without entries are empty.
@@ -156,15 +163,18 @@ fn coarse_row<const B: usize, const K: usize, T: Real>(
 }
 
 /// The whole matrix from its part at and above the diagonal.
-fn mirrored(parts: &[Part], n: usize, size: usize) -> Blocks<f64> {
+fn mirrored(parts: Vec<Part>, n: usize, size: usize) -> Blocks<f64> {
     let area = size * size;
     let mut starts = vec![0usize; n + 1];
-    for_each_upper(parts, area, |row, column, _| {
-        starts[row + 1] += 1;
-        if column != row {
-            starts[column + 1] += 1;
-        }
-    });
+    let mut first = 0;
+    for part in &parts {
+        for_each_upper(part, &mut first, area, |row, column, _| {
+            starts[row + 1] += 1;
+            if column != row {
+                starts[column + 1] += 1;
+            }
+        });
+    }
     for row in 0..n {
         starts[row + 1] += starts[row];
     }
@@ -172,7 +182,7 @@ fn mirrored(parts: &[Part], n: usize, size: usize) -> Blocks<f64> {
     let mut columns = vec![0u32; starts[n]];
     let mut values = vec![0.0; starts[n] * area];
     // rows come in order, so the mirrored entries of a row come before its own, both with increasing columns
-    for_each_upper(parts, area, |row, column, block| {
+    let mut put = |row: usize, column: usize, block: &[f64]| {
         let place = next[row];
         next[row] += 1;
         columns[place] = column as u32;
@@ -194,20 +204,22 @@ fn mirrored(parts: &[Part], n: usize, size: usize) -> Blocks<f64> {
                 own[i * size + i] = 1.0;
             }
         }
-    });
+    };
+    let mut first = 0;
+    // each part goes once it is copied
+    parts.into_iter().for_each(|part| for_each_upper(&part, &mut first, area, &mut put));
     Blocks { shape: [size, size], n_cols: n, starts, columns, values }
 }
 
-fn for_each_upper(parts: &[Part], area: usize, mut f: impl FnMut(usize, usize, &[f64])) {
-    let mut row = 0;
-    for (counts, columns, values) in parts {
-        let mut at = 0;
-        for count in counts {
-            for k in at..at + count {
-                f(row, columns[k] as usize, &values[k * area..][..area]);
-            }
-            at += count;
-            row += 1;
+/// Calls with row, column and block of a part; `row` is its first one, and that of the next part afterwards.
+fn for_each_upper(part: &Part, row: &mut usize, area: usize, mut f: impl FnMut(usize, usize, &[f64])) {
+    let (counts, columns, values) = part;
+    let mut at = 0;
+    for count in counts {
+        for k in at..at + count {
+            f(*row, columns[k] as usize, &values[k * area..][..area]);
         }
+        at += count;
+        *row += 1;
     }
 }

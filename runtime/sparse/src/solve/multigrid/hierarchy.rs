@@ -13,7 +13,7 @@ use super::aggregate::aggregates;
 use super::blocks::{Blocks, Real, Rows, Transfer};
 use super::changing::{Changing, Sum};
 use super::coarsest::Coarsest;
-use super::galerkin::{galerkin, galerkin_of_any};
+use super::galerkin::{galerkin, galerkin_of_any, galerkin_then_rounded};
 use super::level::{Level, Product, inverted_blocks, inverted_diagonal};
 use super::nodes::{NodeLayout, NodeRows};
 use super::operator::{Finest, OperatorLevels};
@@ -127,21 +127,15 @@ impl Hierarchy {
             let softest = coarsest.softest_motion()?;
             return Ok(Self { finest: None, middle: Vec::new(), coarsest, sizes: vec![size], softest, room: None });
         }
-        let inverse = inverted_diagonal(matrix)?;
-        let level = Level::new(Finest::stored(matrix)?, &inverse);
-        let modes = layout.mode_values(layout.extent(&Alone));
-        let mut threshold = WEAK;
-        let coarsened = match &layout.interpolation {
-            Some(given) => interpolated(layout, given, &modes, k),
-            None => {
-                let groups = aggregates(matrix, threshold, most(matrix, k));
-                threshold *= 0.5;
-                smoothed(matrix, &groups, &modes, k, &inverse, level.largest)
-            }
-        };
-        drop((modes, inverse));
-        let a = galerkin(matrix, &coarsened.transfer);
-        Self::below(level, coarsened, a, Aggregation { k, threshold, coarsest: most_unknowns })
+        let level = Level::new(Finest::stored(matrix)?, &inverted_diagonal(matrix)?);
+        let largest = level.largest;
+        let first = || first_coarser(matrix, layout, largest);
+        let Coarsened { transfer, modes } = first()?;
+        let threshold = if layout.interpolation.is_some() { WEAK } else { 0.5 * WEAK };
+        let (a, transfer) = galerkin_then_rounded(matrix, transfer);
+        let finest = Step::new(level, transfer);
+        let again = || first().map(|coarsened| coarsened.transfer);
+        Self::below(finest, (a, modes), Aggregation { k, threshold, coarsest: most_unknowns }, &again)
     }
 
     /// Makes the levels of an operator; its first coarser one is that of elements of degree 1.
@@ -155,23 +149,26 @@ impl Hierarchy {
         let inverse = inverted_blocks(&blocks, size, 1.0 / scale)?;
         let level = Level::new(Finest::applied(finest, layout.points.len(), size), &inverse);
         drop((blocks, inverse));
-        let coarsened = interpolated(layout, given, &layout.mode_values(layout.extent(&Alone)), k);
+        let first = || interpolated(layout, given, &layout.mode_values(layout.extent(&Alone)), k);
+        let Coarsened { transfer, modes } = first();
+        let finest = Step::new(level, transfer.rounded());
         let matrix = [&coarser.matrix];
         let a = Blocks::rounded(&NodeRows::of_coarser(&matrix, &coarser, size, scale))?;
         drop(coarser);
-        Self::below(level, coarsened, a, Aggregation { k, threshold: WEAK, coarsest: COARSEST })
+        let how = Aggregation { k, threshold: WEAK, coarsest: COARSEST };
+        Self::below(finest, (a, modes), how, &|| Ok(first().transfer))
     }
 
-    /// The levels below the finest one, `a` the matrix of the first of them.
+    /// The levels below the finest one: the matrix of the first of them with its near null space. `again` makes the prolongation
+    /// from there in double precision, which a motion without energy needs and a cycle does not.
     fn below(
-        level: Level<f32, Finest>,
-        coarsened: Coarsened,
-        mut a: Blocks<f64>,
+        finest: Step<f32, Finest>,
+        (mut a, mut modes): (Blocks<f64>, Vec<f64>),
         how: Aggregation,
+        again: &dyn Fn() -> Result<Transfer<f64>, SolveError>,
     ) -> Result<Self, SolveError> {
         let Aggregation { k, mut threshold, coarsest: most_unknowns } = how;
-        let Coarsened { transfer, mut modes } = coarsened;
-        let mut sizes = vec![level.a.n_unknowns()];
+        let mut sizes = vec![finest.level.a.n_unknowns()];
         let (mut middle, mut coarsest): (Vec<Middle>, _) = (Vec::new(), None);
         while coarsest.is_none() {
             sizes.push(a.n_unknowns());
@@ -183,23 +180,23 @@ impl Hierarchy {
                 break;
             }
             let inverse = inverted_diagonal(&a)?;
-            let level = Level::new(a.clone(), &inverse);
-            let next = smoothed(&a, &groups, &modes, k, &inverse, level.largest);
-            a = galerkin(&a, &next.transfer);
+            let level = Level::new(a, &inverse);
+            let next = smoothed(&level.a, &groups, &modes, k, &inverse, level.largest);
+            a = galerkin(&level.a, &next.transfer);
             modes = next.modes;
             middle.push(Step::new(level, next.transfer));
         }
         let mut coarsest = coarsest.expect("the loop ends with it");
         let mut softest = coarsest.softest_motion()?;
         if let Some(motion) = &mut softest {
-            for coarser in middle.iter().rev().map(|step| &step.transfer).chain([&transfer]) {
+            let first = again()?;
+            for coarser in middle.iter().rev().map(|step| &step.transfer).chain([&first]) {
                 let mut finer = vec![0.0; coarser.down.n_unknowns()];
                 coarser.prolong_add(motion, &mut finer);
                 *motion = finer;
             }
         }
-        let finest = Some(Step::new(level, transfer.rounded()));
-        Ok(Self { finest, middle, coarsest, sizes, softest, room: None })
+        Ok(Self { finest: Some(finest), middle, coarsest, sizes, softest, room: None })
     }
 
     /// Widens the matrices of the levels by a part that changes.
@@ -295,6 +292,16 @@ impl Hierarchy {
     pub(super) fn trust(&mut self) -> Result<(), SolveError> {
         self.coarsest.trust()
     }
+}
+
+/// The first coarser level of a matrix, `largest` the largest eigenvalue of `D⁻¹ A`.
+fn first_coarser(matrix: &NodeRows<'_>, layout: &NodeLayout, largest: f64) -> Result<Coarsened, SolveError> {
+    let (k, modes) = (layout.n_modes(), layout.mode_values(layout.extent(&Alone)));
+    if let Some(given) = &layout.interpolation {
+        return Ok(interpolated(layout, given, &modes, k));
+    }
+    let groups = aggregates(matrix, WEAK, most(matrix, k));
+    Ok(smoothed(matrix, &groups, &modes, k, &inverted_diagonal(matrix)?, largest))
 }
 
 /// A matrix with room for a part that changes, and where that stands.

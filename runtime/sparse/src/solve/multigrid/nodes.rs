@@ -246,6 +246,35 @@ impl<'a> NodeRows<'a> {
             columns.insert(at, node as u32);
         }
     }
+
+    /// The rows of a node where they couple whole nodes alike, as they do but where values are prescribed: then entries lie as those
+    /// of blocks do, and the columns of blocks are told here.
+    fn aligned(&self, node: usize, columns: &mut Vec<u32>) -> Option<&[u32]> {
+        let size = self.size;
+        let rows = &self.rows[node * size..][..size];
+        let [part] = self.parts else { return None };
+        let (first, others) = rows.split_first()?;
+        if rows.contains(&NONE) {
+            return None;
+        }
+        let own = part.row(*first as usize).0;
+        if others.iter().any(|row| part.row(*row as usize).0 != own) || own.len() % size != 0 {
+            return None;
+        }
+        columns.clear();
+        let mut has_own = false;
+        for group in own.chunks_exact(size) {
+            // places increase along a row
+            let [begin, end] = [group[0], group[size - 1]].map(|column| self.places[column as usize]);
+            let other = begin / size as u32;
+            if begin == NONE || begin % size as u32 != 0 || end != begin + size as u32 - 1 {
+                return None;
+            }
+            has_own |= other as usize == node;
+            columns.push(other);
+        }
+        has_own.then_some(rows)
+    }
 }
 
 impl Rows for NodeRows<'_> {
@@ -259,6 +288,17 @@ impl Rows for NodeRows<'_> {
 
     fn row<'a>(&'a self, node: usize, buffer: &'a mut RowBuffer) -> (&'a [u32], &'a [f64]) {
         let size = self.size;
+        if let Some(rows) = self.aligned(node, &mut buffer.columns) {
+            buffer.values.resize(buffer.columns.len() * size * size, 0.0);
+            for (component, row) in rows.iter().enumerate() {
+                let values = self.parts[0].row(*row as usize).1.chunks_exact(size);
+                for (block, values) in buffer.values.chunks_exact_mut(size * size).zip(values) {
+                    let out = &mut block[component * size..][..size];
+                    out.iter_mut().zip(values).for_each(|(out, value)| *out = self.scale * value);
+                }
+            }
+            return (&buffer.columns, &buffer.values);
+        }
         self.columns(node, &mut buffer.columns);
         buffer.values.clear();
         buffer.values.resize(buffer.columns.len() * size * size, 0.0);

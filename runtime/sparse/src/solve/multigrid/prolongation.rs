@@ -49,7 +49,10 @@ pub(super) fn smoothed(
     let n_chunks = a.n_nodes().div_ceil(ROWS_PER_TASK);
     let parts: Vec<(Vec<usize>, Vec<u32>, Vec<f64>)> =
         (0..n_chunks).into_par_iter().map_init(Default::default, part).collect();
-    let (mut starts, mut columns, mut values) = (vec![0], Vec::new(), Vec::new());
+    let n_blocks = parts.iter().map(|part| part.1.len()).sum();
+    let (mut starts, mut columns) = (Vec::with_capacity(a.n_nodes() + 1), Vec::with_capacity(n_blocks));
+    let mut values = Vec::with_capacity(n_blocks * a.size() * n_modes);
+    starts.push(0);
     for (counts, of_part, blocks) in parts {
         for count in counts {
             starts.push(starts[starts.len() - 1] + count);

@@ -82,7 +82,9 @@ impl Source {
 
 /// A matrix with its levels.
 struct Loaded {
-    source: Source,
+    /// `None` once it was forgotten.
+    source: Option<Source>,
+    is_applied: bool,
     threads: usize,
     cycle: Cycle,
     /// The levels are those of an earlier matrix.
@@ -90,8 +92,9 @@ struct Loaded {
 }
 
 impl Loaded {
-    fn multiply(&self, x: &[f64], y: &mut [f64]) {
-        self.source.multiply(x, y, self.threads);
+    fn new(source: Source, threads: usize, cycle: Cycle) -> Self {
+        let is_applied = matches!(source, Source::Applied(_));
+        Self { source: Some(source), is_applied, threads, cycle, is_kept: false }
     }
 }
 
@@ -105,7 +108,7 @@ impl CheckedMultigrid {
     /// Whether an operator is solved with.
     #[must_use]
     pub fn is_applied(&self) -> bool {
-        self.loaded.as_ref().is_some_and(|loaded| matches!(loaded.source, Source::Applied(_)))
+        self.loaded.as_ref().is_some_and(|loaded| loaded.is_applied)
     }
 
     /// Number of unknowns by level, the finest first; empty without a matrix.
@@ -129,8 +132,7 @@ impl CheckedMultigrid {
         check_symmetry(&matrix)?;
         let mut cycle = Cycle::new(&[&matrix], &self.layout)?;
         self.look_for_null_vector(&matrix, &mut cycle)?;
-        let (threads, source) = (self.check.options().threads, Source::Stored(matrix));
-        self.loaded = Some(Loaded { threads, source, cycle, is_kept: false });
+        self.loaded = Some(Loaded::new(Source::Stored(matrix), self.check.options().threads, cycle));
         Ok(())
     }
 
@@ -151,8 +153,14 @@ impl CheckedMultigrid {
             }
             Source::Applied(operator) => self.check.set_operator(&**operator)?,
         }
-        (loaded.source, loaded.is_kept) = (source.clone(), true);
+        loaded.is_applied = matches!(source, Source::Applied(_));
+        (loaded.source, loaded.is_kept) = (Some(source.clone()), true);
         Ok(true)
+    }
+
+    /// Forgets the matrix, or the operator, and keeps the levels: the next one is about to be made.
+    pub fn forget_source(&mut self) {
+        self.loaded.iter_mut().for_each(|loaded| loaded.source = None);
     }
 
     /// The next matrix gets levels of its own.
@@ -202,8 +210,7 @@ impl CheckedMultigrid {
         if cycle.take_softest_motion(&self.layout.places).is_some() {
             return Ok(false);
         }
-        let (threads, source) = (self.check.options().threads, Source::Applied(operator));
-        self.loaded = Some(Loaded { threads, source, cycle, is_kept: false });
+        self.loaded = Some(Loaded::new(Source::Applied(operator), self.check.options().threads, cycle));
         Ok(true)
     }
 
@@ -218,13 +225,19 @@ impl CheckedMultigrid {
 
     /// Solves until the error, or the scaled residual, is no more than this part of what it is at the start (zero for a residual
     /// that is not asked about).
-    fn iterate(&mut self, loaded: &mut Loaded, rhs: &[f64], x: &mut [f64], [error, left]: [f64; 2]) -> Outcome {
+    fn iterate(
+        &mut self,
+        (source, loaded): (&Source, &mut Loaded),
+        rhs: &[f64],
+        x: &mut [f64],
+        [error, left]: [f64; 2],
+    ) -> Outcome {
         let (places, scale) = (&self.layout.places, self.check.scale());
         let most = if loaded.is_kept { MOST_OF_KEPT } else { MOST };
         let left = if left > 0.0 { left * scaled_norm(rhs, scale) } else { 0.0 };
-        let cell = std::cell::RefCell::new(loaded);
-        let mut multiply = |x: &[f64], y: &mut [f64]| cell.borrow().multiply(x, y);
-        let mut precondition = |r: &[f64], z: &mut [f64]| cell.borrow_mut().cycle.apply(places, r, z);
+        let (threads, cycle) = (loaded.threads, &mut loaded.cycle);
+        let mut multiply = |x: &[f64], y: &mut [f64]| source.multiply(x, y, threads);
+        let mut precondition = |r: &[f64], z: &mut [f64]| cycle.apply(places, r, z);
         self.iteration.solve(&mut multiply, &mut precondition, rhs, x, Goal { error, left, scale, most })
     }
 
@@ -258,6 +271,7 @@ impl CheckedMultigrid {
         x: &mut [f64],
         [error, asked]: [f64; 2],
     ) -> Result<SolveReport, SolveError> {
+        let source = loaded.source.clone().ok_or(SolveError::NotFactored)?;
         self.check.check_rhs(rhs, x)?;
         x.fill(0.0);
         if rhs.iter().all(|value| *value == 0.0) {
@@ -268,7 +282,7 @@ impl CheckedMultigrid {
         let (mut part, mut product) = (vec![0.0; x.len()], vec![0.0; x.len()]);
         let mut before = norm(rhs);
         for round in 0..=RESTARTS {
-            let outcome = self.iterate(loaded, &left, &mut part, [wanted, asked * norm(rhs) / norm(&left)]);
+            let outcome = self.iterate((&source, loaded), &left, &mut part, [wanted, asked * norm(rhs) / norm(&left)]);
             iterations += outcome.iterations;
             match outcome.ending {
                 Ending::Converged => {}
@@ -283,11 +297,11 @@ impl CheckedMultigrid {
                 self.wear.hear(iterations, outcome.error);
             }
             x.iter_mut().zip(&part).for_each(|(x, part)| *x += part);
-            loaded.multiply(x, &mut product);
+            source.multiply(x, &mut product, loaded.threads);
             left.iter_mut().zip(rhs).zip(&product).for_each(|((left, b), product)| *left = b - product);
             let now = norm(&left);
             let has_drifted = now > (1.0 + DRIFT) * norm(self.iteration.residual()) && now <= DRIFT * before;
-            let report = match &loaded.source {
+            let report = match &source {
                 Source::Stored(matrix) | Source::Parted(matrix, _) => self.check.judge(&[&**matrix], rhs, x, tolerance),
                 Source::Applied(operator) => self.check.judge_product(&**operator, (rhs, x), &product, tolerance),
             };
@@ -316,13 +330,14 @@ impl LinearSolver for CheckedMultigrid {
 
     fn condition_estimate(&mut self) -> Result<f64, SolveError> {
         let Some(mut loaded) = self.loaded.take() else { return Err(SolveError::NotFactored) };
+        let source = loaded.source.clone().ok_or(SolveError::NotFactored)?;
         let n = self.layout.places.len();
         let mut solver = |_, x: &mut [f64]| {
             let rhs = x.to_vec();
-            self.iterate(&mut loaded, &rhs, x, [ROUGH, 0.0]);
+            self.iterate((&source, &mut loaded), &rhs, x, [ROUGH, 0.0]);
         };
         let inverse = inverse_norm_estimate(n, &mut solver);
-        let norm = match &loaded.source {
+        let norm = match &source {
             Source::Stored(matrix) | Source::Parted(matrix, _) => matrix.norm_1(),
             // of a symmetric matrix that of the rows is that of the columns
             Source::Applied(_) => self.check.norm(),
