@@ -63,9 +63,9 @@ pub struct LockedBending {
     pub share: f64,
 }
 
-/// The displacements of degree 1 whose elements lock in bending at the state `u`.
+/// The displacements of degree 1 whose elements lock in bending at the state `u`; `topology` is that of the mesh of the system.
 #[must_use]
-pub fn locked_bending(system: &System, u: &[f64]) -> Vec<LockedBending> {
+pub fn locked_bending(system: &System, topology: &Topology, u: &[f64]) -> Vec<LockedBending> {
     let dim = system.mesh.dim();
     let low = |k: &usize| {
         let f = &system.fields[*k];
@@ -78,16 +78,16 @@ pub fn locked_bending(system: &System, u: &[f64]) -> Vec<LockedBending> {
     };
     let bent = |k: &usize| dim > 1 && low(k) && !system.is_rounding_of_positions(u, *k);
     let all = 0..system.fields.len();
-    system.mesh.check_whole(|| all.filter(bent).filter_map(|k| locked(system, k, u)).collect())
+    system.mesh.check_whole(|| all.filter(bent).filter_map(|k| locked(system, topology, k, u)).collect())
 }
 
-fn locked(system: &System, field: usize, u: &[f64]) -> Option<LockedBending> {
+fn locked(system: &System, topology: &Topology, field: usize, u: &[f64]) -> Option<LockedBending> {
     let strains = strains_of(system, field)?;
     let FieldSpace::Nodal(space) = &system.fields[field].space else { return None };
     let terms = stiff_terms(system, field);
     let zero = vec![0.0; system.numbering.n_dofs];
     let values = system.values(&zero);
-    let body = Body { system, space, field, terms, values: values.view(), u: &u[system.range(field)?], strains };
+    let body = Body { system, topology, space, field, terms, values: values.view(), u: &u[system.range(field)?], strains };
     let cells: Vec<CellId> = body.cells();
     let simplices = cells.iter().all(|c| system.mesh.kind(*c).straight_is_affine());
     let [added, whole] = if simplices { body.of_simplices(&cells)? } else { body.of_boxes(&cells) };
@@ -113,6 +113,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 struct Body<'a> {
     system: &'a System,
+    topology: &'a Topology,
     space: &'a Space,
     field: usize,
     terms: Vec<&'a AssembledTerm>,
@@ -242,9 +243,8 @@ impl Body<'_> {
 
     /// Whether a body is slender and has few cells across; `None` without a boundary.
     fn is_slender(&self, cells: &[CellId]) -> Option<bool> {
-        let mesh = &self.system.mesh;
-        let topology = Topology::new(mesh).ok()?;
-        let boundary = boundary_of(mesh, &topology, cells);
+        let (mesh, topology) = (&self.system.mesh, self.topology);
+        let boundary = boundary_of(mesh, topology, cells);
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for x in self.space.node_coordinates() {
             (0..3).for_each(|d| (low[d], high[d]) = (low[d].min(x[d]), high[d].max(x[d])));
@@ -256,7 +256,7 @@ impl Body<'_> {
             return Some(false);
         }
         let mut depth = vec![usize::MAX; self.space.n_nodes()];
-        for node in self.space.nodes_on_facets(mesh, &topology, &boundary) {
+        for node in self.space.nodes_on_facets(mesh, topology, &boundary) {
             depth[node as usize] = 0;
         }
         // layer after layer, one more than what counts as few

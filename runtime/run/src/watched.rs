@@ -233,7 +233,7 @@ pub(super) fn locked_bending(run: &Ended<'_>) -> Vec<Diagnostic> {
     if run.run.watched.n == 0 {
         return Vec::new();
     }
-    let locked = wfl_checks::locked_bending(run.scene.system, &run.run.u);
+    let locked = wfl_checks::locked_bending(run.scene.system, &run.scene.topology, &run.run.u);
     locked.iter().map(|locked| bends(run.scene, locked)).collect()
 }
 
