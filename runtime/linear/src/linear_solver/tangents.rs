@@ -105,7 +105,9 @@ impl LinearSolver {
     /// Forgets a tangent that is applied, where the next one is about to be made: two of them are most of the memory of a run. Until that
     /// is taken nothing can be solved.
     pub fn forget_applied(&mut self) {
-        if let (Some(Source::Applied(_)), Some(iterative)) = (&self.source, &mut self.iterative) {
+        if let (Some(Source::Applied(_)), Some(iterative)) = (&self.source, &mut self.iterative)
+            && iterative.is_of_tangents()
+        {
             self.source = None;
             iterative.forget_operator();
         }

@@ -136,22 +136,40 @@ impl<T: Real> Blocks<T> {
     /// [`TooMuchMemory`].
     pub(super) fn rounded(source: &dyn Rows) -> Result<Self, TooMuchMemory> {
         let (n, size) = (source.n_nodes(), source.size());
+        let count = |buffer: &mut RowBuffer, row: usize| source.row(row, buffer).0.len();
+        let fill = |buffer: &mut RowBuffer, row: usize, columns: &mut [u32], values: &mut [T]| {
+            let (of_row, blocks) = source.row(row, buffer);
+            columns.copy_from_slice(of_row);
+            values.iter_mut().zip(blocks).for_each(|(slot, value)| *slot = T::of(*value));
+        };
+        Self::by_rows(n, ([size, size], n), count, fill)
+    }
+
+    /// A matrix of so many rows, row by row: `shape` of its blocks with the number of its columns, `count` says how many blocks a row has,
+    /// `fill` writes their columns and values. What both need is kept by thread.
+    ///
+    /// # Errors
+    /// [`TooMuchMemory`].
+    pub(super) fn by_rows<B: Default>(
+        n: usize,
+        (shape, n_cols): ([usize; 2], usize),
+        count: impl Fn(&mut B, usize) -> usize + Sync,
+        fill: impl Fn(&mut B, usize, &mut [u32], &mut [T]) + Sync,
+    ) -> Result<Self, TooMuchMemory> {
+        let area = shape[0] * shape[1];
         let mut counts = vec![0u32; n];
-        counts.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each_init(
-            RowBuffer::default,
-            |buffer, (chunk, counts)| {
-                for (offset, count) in counts.iter_mut().enumerate() {
-                    *count = source.row(chunk * ROWS_PER_TASK + offset, buffer).0.len() as u32;
-                }
-            },
-        );
+        counts.par_chunks_mut(ROWS_PER_TASK).enumerate().for_each_init(B::default, |buffer, (chunk, counts)| {
+            for (offset, slot) in counts.iter_mut().enumerate() {
+                *slot = count(buffer, chunk * ROWS_PER_TASK + offset) as u32;
+            }
+        });
         let mut starts = Vec::with_capacity(n + 1);
         starts.push(0usize);
         for count in &counts {
             starts.push(starts[starts.len() - 1] + *count as usize);
         }
         let mut columns: Vec<u32> = zeros(starts[n], "the multigrid preconditioner")?;
-        let mut values: Vec<T> = zeros(starts[n] * size * size, "the multigrid preconditioner")?;
+        let mut values: Vec<T> = zeros(starts[n] * area, "the multigrid preconditioner")?;
         let (mut columns_left, mut values_left) = (columns.as_mut_slice(), values.as_mut_slice());
         let mut tasks = Vec::with_capacity(n / ROWS_PER_TASK + 1);
         for first in (0..n).step_by(ROWS_PER_TASK) {
@@ -159,23 +177,19 @@ impl<T: Real> Blocks<T> {
             let count = starts[last] - starts[first];
             let (own, rest) = columns_left.split_at_mut(count);
             columns_left = rest;
-            let (own_values, rest) = values_left.split_at_mut(count * size * size);
+            let (own_values, rest) = values_left.split_at_mut(count * area);
             values_left = rest;
             tasks.push((first..last, own, own_values));
         }
-        tasks.into_par_iter().for_each_init(RowBuffer::default, |buffer, (rows, columns, values)| {
-            let (mut at, mut at_value) = (0, 0);
+        tasks.into_par_iter().for_each_init(B::default, |buffer, (rows, columns, values)| {
+            let mut at = 0;
             for row in rows {
-                let (of_row, blocks) = source.row(row, buffer);
-                columns[at..][..of_row.len()].copy_from_slice(of_row);
-                for (slot, value) in values[at_value..].iter_mut().zip(blocks) {
-                    *slot = T::of(*value);
-                }
-                at += of_row.len();
-                at_value += blocks.len();
+                let count = starts[row + 1] - starts[row];
+                fill(buffer, row, &mut columns[at..][..count], &mut values[at * area..][..count * area]);
+                at += count;
             }
         });
-        Ok(Self { shape: [size, size], n_cols: n, starts, columns, values })
+        Ok(Self { shape, n_cols, starts, columns, values })
     }
 
     /// For each row `then(row, A x, out)`, where `out` is the part of a vector that belongs to the row.

@@ -181,7 +181,7 @@ impl Hierarchy {
             }
             let inverse = inverted_diagonal(&a)?;
             let level = Level::new(a, &inverse);
-            let next = smoothed(&level.a, &groups, &modes, k, &inverse, level.largest);
+            let next = smoothed(&level.a, &groups, &modes, k, &inverse, level.largest)?;
             a = galerkin(&level.a, &next.transfer);
             modes = next.modes;
             middle.push(Step::new(level, next.transfer));
@@ -301,7 +301,7 @@ fn first_coarser(matrix: &NodeRows<'_>, layout: &NodeLayout, largest: f64) -> Re
         return Ok(interpolated(layout, given, &modes, k));
     }
     let groups = aggregates(matrix, WEAK, most(matrix, k));
-    Ok(smoothed(matrix, &groups, &modes, k, &inverted_diagonal(matrix)?, largest))
+    Ok(smoothed(matrix, &groups, &modes, k, &inverted_diagonal(matrix)?, largest)?)
 }
 
 /// A matrix with room for a part that changes, and where that stands.

@@ -6,10 +6,10 @@
 //!
 //! Promises: what the near null space spans on the finer level, where no value is prescribed, the coarser one spans too.
 
-use rayon::prelude::*;
-
 use super::aggregate::Aggregates;
-use super::blocks::{Blocks, ROWS_PER_TASK, RowBuffer, Rows, Transfer};
+use wfl_host::memory::TooMuchMemory;
+
+use super::blocks::{Blocks, RowBuffer, Rows, Transfer};
 use super::nodes::{Interpolation, NodeLayout};
 use crate::index::NONE;
 
@@ -34,34 +34,26 @@ pub(super) fn smoothed(
     n_modes: usize,
     inverse: &[f64],
     largest: f64,
-) -> Coarsened {
+) -> Result<Coarsened, TooMuchMemory> {
     let (tentative, coarse) = orthonormal(groups, modes, a.size(), n_modes);
     let smoother = Smoother { a, groups, tentative: &tentative, inverse, n_modes, factor: DAMPING / largest };
-    let part = |buffers: &mut (RowBuffer, Vec<f64>), chunk: usize| {
-        let mut part = (Vec::new(), Vec::new(), Vec::new());
-        for node in chunk * ROWS_PER_TASK..((chunk + 1) * ROWS_PER_TASK).min(a.n_nodes()) {
-            let before = part.1.len();
-            smoother.row(node, buffers, &mut part.1, &mut part.2);
-            part.0.push(part.1.len() - before);
-        }
-        part
+    let shape = ([a.size(), n_modes], groups.count);
+    let count = |buffers: &mut Buffers, node: usize| smoother.near(node, buffers);
+    let fill = |buffers: &mut Buffers, node: usize, columns: &mut [u32], blocks: &mut [f64]| {
+        smoother.row(node, buffers, (columns, blocks));
     };
-    let n_chunks = a.n_nodes().div_ceil(ROWS_PER_TASK);
-    let parts: Vec<(Vec<usize>, Vec<u32>, Vec<f64>)> =
-        (0..n_chunks).into_par_iter().map_init(Default::default, part).collect();
-    let n_blocks = parts.iter().map(|part| part.1.len()).sum();
-    let (mut starts, mut columns) = (Vec::with_capacity(a.n_nodes() + 1), Vec::with_capacity(n_blocks));
-    let mut values = Vec::with_capacity(n_blocks * a.size() * n_modes);
-    starts.push(0);
-    for (counts, of_part, blocks) in parts {
-        for count in counts {
-            starts.push(starts[starts.len() - 1] + count);
-        }
-        columns.extend(of_part);
-        values.extend(blocks);
-    }
-    let down = Blocks { shape: [a.size(), n_modes], n_cols: groups.count, starts, columns, values };
-    Coarsened { transfer: Transfer::new(down), modes: coarse }
+    let down = Blocks::by_rows(a.n_nodes(), shape, count, fill)?;
+    Ok(Coarsened { transfer: Transfer::new(down), modes: coarse })
+}
+
+/// What one thread needs to make rows.
+#[derive(Default)]
+struct Buffers {
+    row: RowBuffer,
+    /// The groups that the nodes beside one belong to, rising.
+    near: Vec<u32>,
+    /// Of `A T`, a block for each of them.
+    sums: Vec<f64>,
 }
 
 /// Makes rows of `(1 - factor D⁻¹ A) T`.
@@ -75,20 +67,22 @@ struct Smoother<'a> {
 }
 
 impl Smoother<'_> {
-    /// Appends the columns and the blocks of a row.
-    fn row(
-        &self,
-        node: usize,
-        buffers: &mut (RowBuffer, Vec<f64>),
-        out_columns: &mut Vec<u32>,
-        out_values: &mut Vec<f64>,
-    ) {
-        let (b, k) = (self.a.size(), self.n_modes);
-        let (buffer, sums) = buffers;
-        let (columns, blocks) = self.a.row(node, buffer);
-        let mut near: Vec<u32> = columns.iter().map(|j| self.groups.of[*j as usize]).filter(|g| *g != NONE).collect();
+    /// Finds the groups that a row has blocks for; their number.
+    fn near(&self, node: usize, Buffers { row, near, .. }: &mut Buffers) -> usize {
+        let columns = self.a.row(node, row).0;
+        near.clear();
+        near.extend(columns.iter().map(|j| self.groups.of[*j as usize]).filter(|g| *g != NONE));
         near.sort_unstable();
         near.dedup();
+        near.len()
+    }
+
+    /// Fills the columns and the blocks of a row.
+    fn row(&self, node: usize, buffers: &mut Buffers, (out_columns, out): (&mut [u32], &mut [f64])) {
+        let (b, k) = (self.a.size(), self.n_modes);
+        self.near(node, buffers);
+        let Buffers { row, near, sums } = buffers;
+        let (columns, blocks) = self.a.row(node, row);
         sums.clear();
         sums.resize(near.len() * b * k, 0.0);
         for (j, block) in columns.iter().zip(blocks.chunks_exact(b * b)) {
@@ -103,14 +97,14 @@ impl Smoother<'_> {
             }
         }
         let inverse = &self.inverse[node * b * b..][..b * b];
-        for (group, sum) in near.iter().zip(sums.chunks_exact(b * k)) {
+        out_columns.copy_from_slice(near);
+        for ((group, sum), out) in near.iter().zip(sums.chunks_exact(b * k)).zip(out.chunks_exact_mut(b * k)) {
             let is_own = *group == self.groups.of[node];
-            out_columns.push(*group);
-            for (c, row) in inverse.chunks_exact(b).enumerate() {
-                for m in 0..k {
+            for (c, (row, out)) in inverse.chunks_exact(b).zip(out.chunks_exact_mut(k)).enumerate() {
+                for (m, out) in out.iter_mut().enumerate() {
                     let along: f64 = (0..b).map(|i| row[i] * sum[i * k + m]).sum();
                     let own = if is_own { self.tentative[(node * b + c) * k + m] } else { 0.0 };
-                    out_values.push(own - self.factor * along);
+                    *out = own - self.factor * along;
                 }
             }
         }
