@@ -87,7 +87,8 @@ fn locked(system: &System, topology: &Topology, field: usize, u: &[f64]) -> Opti
     let terms = stiff_terms(system, field);
     let zero = vec![0.0; system.numbering.n_dofs];
     let values = system.values(&zero);
-    let body = Body { system, topology, space, field, terms, values: values.view(), u: &u[system.range(field)?], strains };
+    let body =
+        Body { system, topology, space, field, terms, values: values.view(), u: &u[system.range(field)?], strains };
     let cells: Vec<CellId> = body.cells();
     let simplices = cells.iter().all(|c| system.mesh.kind(*c).straight_is_affine());
     let [added, whole] = if simplices { body.of_simplices(&cells)? } else { body.of_boxes(&cells) };

@@ -14,9 +14,7 @@
 
 use std::sync::Arc;
 
-use super::{
-    row_signs::{Groups, RowSigns, Signs, signs},
-};
+use super::row_signs::{Groups, RowSigns, Signs, signs};
 use wfl_compiler::types::{FieldKind, UniformSlot};
 use wfl_discrete::system::{Branches, FIXED, System};
 use wfl_linear::LinearSolver;
@@ -68,8 +66,8 @@ pub fn doubted(
     let groups = Groups::of(system);
     // a factor of the whole that is not Cholesky's has met a tangent that is not positive definite
     let is_doubtful = known == Some(false) || solver.factors_all() && solver.lost_definiteness();
-    // the levels of an iteration with contact tell of the bodies at the next step
-    let is_due = due && solver.factors_all() && !solver.iterates_with_contact();
+    // the levels of GMRES tell of the bodies, or of the motion, at the next step
+    let is_due = due && solver.factors_all() && !solver.iterates_by_gmres();
     let is_symmetric = solver.may_be_symmetric();
     // what the start says of rows is asked for where nothing else tells; the sign at hand may be that of the iterate before the last
     let mut has_turned = || {

@@ -48,13 +48,13 @@ pub use linear::Redistribution;
 pub use numbering::{FIXED, Numbering, Tie};
 use on_faces::OnFaces;
 use past::PastMatrices;
-use places::Places;
 pub use past::{PastForm, is_affine_in_the_past, is_of_rates, readings, stays};
+use places::Places;
+use places::SceneAxes;
 use positions::Placed;
 pub use residual::Residual;
 use shared::Counts;
 use sizes::meeting_fields;
-use places::SceneAxes;
 pub use tangent::{StandIn, Tangent};
 use thiserror::Error;
 use wfl_compiler::Class;
@@ -370,12 +370,7 @@ impl System {
     }
 
     /// Takes dofs out of the system and lets others follow their leaders; `frames` are those of all nodes that have one.
-    pub fn leave_out(
-        &mut self,
-        dofs: impl IntoIterator<Item = usize>,
-        ties: Vec<Tie>,
-        frames: Vec<Frame>,
-    ) {
+    pub fn leave_out(&mut self, dofs: impl IntoIterator<Item = usize>, ties: Vec<Tie>, frames: Vec<Frame>) {
         let numbering = Arc::make_mut(&mut self.numbering);
         numbering.set_frames(frames);
         numbering.fix(dofs);

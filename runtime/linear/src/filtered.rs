@@ -39,8 +39,9 @@ const MOST_ON_CONTACT: usize = 100_000;
 /// Why a scene cannot be solved by GMRES; `None` if it can.
 #[must_use]
 pub fn obstacle_of_filter(system: &System) -> Option<String> {
-    if system.is_linear() {
-        return saddle::layout(system).err().map(|why| format!("the scene is linear, and {why}"));
+    let of_flow = saddle::layout(system).err();
+    if system.is_linear() || of_flow.is_none() {
+        return of_flow.map(|why| format!("the scene is linear, and {why}"));
     }
     if has_nonlinear_bodies(system) { obstacle_of_tangents(system) } else { obstacle_of_linear_bodies(system) }
 }

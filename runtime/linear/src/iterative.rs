@@ -15,7 +15,7 @@ use wfl_sparse::solve::{
 
 use super::condensation::condenses;
 use super::cost::{Factors, Iteration, Ways, Work};
-use super::plan::{Extent, GMRES, Held, ITERATION, LinearPlan};
+use super::plan::{Extent, GMRES, Held, ITERATION, LinearPlan, Systems};
 use super::saddle;
 use super::without_matrix;
 
@@ -95,10 +95,14 @@ impl Iterative {
     /// # Errors
     /// [`SolveError`]: no levels, or too large.
     pub(super) fn of_saddle(layout: NodeLayout, source: &Source, options: SolverOptions) -> Result<Self, SolveError> {
-        let solver = Solver::Saddle(Box::new(CheckedSaddle::new(layout, options)));
-        let mut this = Self { of_tangents: false, ..Self::new(solver) };
+        let mut this = Self { of_tangents: false, ..Self::of_saddles(layout, options) };
         this.renew(source)?;
         Ok(this)
+    }
+
+    /// Of the tangents to come of a motion beside a pressure.
+    pub(super) fn of_saddles(layout: NodeLayout, options: SolverOptions) -> Self {
+        Self::new(Solver::Saddle(Box::new(CheckedSaddle::new(layout, options))))
     }
 
     fn new(solver: Solver) -> Self {
@@ -222,9 +226,9 @@ impl Iterative {
         self.of_tangents
     }
 
-    /// Whether it solves with contact apart from the bodies.
-    pub(super) fn is_of_contact(&self) -> bool {
-        matches!(self.solver, Solver::Contact(..))
+    /// Whether its levels say nothing of the whole: they are those of the bodies without contact, or of a motion without its pressure.
+    pub(super) fn has_levels_of_a_part(&self) -> bool {
+        matches!(self.solver, Solver::Contact(..) | Solver::Saddle(_))
     }
 
     /// Whether it is at work.
@@ -249,7 +253,10 @@ impl Iterative {
             Solver::Contact(solver, on_contact) => {
                 return LinearPlan::WithContact(*on_contact, Extent::Made(solver.level_sizes().to_vec()));
             }
-            Solver::Saddle(solver) => return LinearPlan::Saddle(Extent::Made(solver.level_sizes().to_vec())),
+            Solver::Saddle(solver) => {
+                let systems = if self.of_tangents { Systems::Tangents } else { Systems::One };
+                return LinearPlan::Saddle(systems, Extent::Made(solver.level_sizes().to_vec()));
+            }
         };
         let levels = Extent::Made(solver.level_sizes().to_vec());
         let plan = if self.of_tangents { LinearPlan::Tangents(levels) } else { LinearPlan::Iterative(levels) };

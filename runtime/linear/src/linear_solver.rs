@@ -148,6 +148,9 @@ impl LinearSolver {
         if filtered::is_chosen_for_tangents(system, method, solutions) {
             return self.iterate_on_bodies_with_contact(system);
         }
+        if saddle::is_chosen(system, method, solutions) {
+            return self.iterate_on_flow(system);
+        }
         match self.choose_factors(&Factors::of(system, &self.coordinates)) {
             Err(SolveError::TooMuchMemory(_))
                 if method == LinearMethod::Auto && filtered::serves_linear_bodies(system) =>

@@ -66,12 +66,21 @@ pub enum LinearPlan {
     /// Whole tangents by GMRES with multigrid of the bodies and a direct solution on so many dofs of contact: bytes of the levels and
     /// of the factor in their place, or the number of unknowns on each level.
     WithContact(usize, Extent<(u64, Option<u64>), Vec<usize>>),
-    /// One matrix of a motion and a pressure by GMRES with multigrid of the motion: as [`Self::Iterative`].
-    Saddle(Extent<(u64, Option<u64>), Vec<usize>>),
+    /// A motion and a pressure by GMRES with multigrid of the motion: as [`Self::Iterative`].
+    Saddle(Systems, Extent<(u64, Option<u64>), Vec<usize>>),
     /// The whole tangent.
     Whole(FactorKind),
     /// A linked library, which describes itself.
     Library(String),
+}
+
+/// What is solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Systems {
+    /// The one matrix of a linear scene.
+    One,
+    /// The tangents of Newton's method.
+    Tangents,
 }
 
 /// What the method without a factor is called.
@@ -125,8 +134,12 @@ impl fmt::Display for LinearPlan {
                 )?;
                 write_extent(f, extent)
             }
-            Self::Saddle(extent) => {
-                write!(f, "one linear system, of a motion with a field beside it: GMRES with multigrid of the motion")?;
+            Self::Saddle(systems, extent) => {
+                let systems = match systems {
+                    Systems::One => "one linear system",
+                    Systems::Tangents => "Newton; whole tangent",
+                };
+                write!(f, "{systems}, of a motion with a field beside it: GMRES with multigrid of the motion")?;
                 write_extent(f, extent)
             }
             Self::Whole(factor) => {

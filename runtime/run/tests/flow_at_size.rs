@@ -129,13 +129,69 @@ fn a_flow_has_the_same_bits_for_any_number_of_threads() {
     assert!([2, 3].iter().all(|threads| of(*threads) == one));
 }
 
-/// A reaction that drives the flow takes its positive energy, and a wind its symmetry: there are no levels.
+/// A reaction that drives the flow takes its positive energy: there are no levels.
 #[test]
 fn a_motion_without_levels_gets_a_factor_and_is_told_so() {
-    for (term, why) in [("- 500*v.Test_v", "not positive definite"), ("+ 50*(Grad_v*[1,0,0]).Test_v", "not symmetric")]
-    {
-        let told = solver(&outcome(&channel(3, term, "gmres, amg"), 2));
-        assert!(told.contains("a factor in place of GMRES with multigrid") && told.contains(why), "{told}");
+    let told = solver(&outcome(&channel(3, "- 500*v.Test_v", "gmres, amg"), 2));
+    assert!(
+        told.contains("a factor in place of GMRES with multigrid") && told.contains("not positive definite"),
+        "{told}"
+    );
+}
+
+/// Winds, inertia of the flow and a viscosity that follows from its slope: levels are those of the symmetric part.
+#[test]
+fn convection_and_viscosities_that_change_are_those_of_a_factor() {
+    let terms = [
+        ("+ 5*(Grad_v*[1,0.5,0]).Test_v", "one linear system"),
+        ("+ 5*(Grad_v*v).Test_v", "Newton; whole tangent"),
+        ("+ 0.01*(Grad_v:Grad_v)*(Grad_v:Grad_Test_v)", "Newton; whole tangent"),
+    ];
+    for (term, systems) in terms {
+        let [direct, iteration] = ["direct", "gmres, amg"].map(|linear| outcome(&channel(4, term, linear), 2));
+        let told = solver(&iteration);
+        assert!(
+            told.starts_with(&format!("{systems}, of a motion with a field beside it: GMRES with multigrid")),
+            "{told}"
+        );
+        assert!(!told.contains("in place of"), "{term}: {told}");
+        for (a, b) in measures(&direct).iter().zip(measures(&iteration)) {
+            assert!((a - b).abs() <= 1e-9 * a.abs(), "{term}: {a:e} and {b:e}");
+        }
+        let count = |of: &Outcome| of.steps.iter().map(|step| step.history.iterations.len()).sum::<usize>();
+        assert!(count(&iteration) <= count(&direct) + 1, "{term}: {} and {}", count(&iteration), count(&direct));
+    }
+}
+
+#[test]
+fn iterations_of_a_flow_with_inertia_do_not_grow_with_the_number_of_cells() {
+    let flow = |cells| outcome(&channel(cells, "+ 5*(Grad_v*v).Test_v", "gmres, amg"), 2);
+    let [coarse, fine] = [3, 6].map(|cells| iterations(&flow(cells)));
+    assert!(10 * fine <= 13 * coarse && fine <= 500, "{coarse} and {fine}");
+}
+
+/// A body whose pores let more through the further they are open, in three steps.
+#[test]
+fn a_body_with_pores_that_open_is_that_of_a_factor() {
+    let of = |linear: &str| {
+        let text = format!(
+            "wfl 1\nmesh box [0,0,0] to [1,1,1] cells [4,4,4] tet\nregion low = faces where z == 0\n\
+             region top = faces where z == 1\nunknown u : vector P2\nunknown p : scalar P1\n\
+             steps t = 0.1 to 0.3 by 0.1\ndef open = 1 + 0.5*p + 2*Div_u\n\
+             term body on all : (2*Sym(Grad_u) + (Div_u - p)*Id(3)):Grad_Test_u\n\
+             term storage on all : -(Rate(Div_u) + 0.1*Rate(p))*Test_p - open*Grad_p.Grad_Test_p\n\
+             load u = [0,0,-0.2] on top\nfix u = [0,0,0] on low\nfix p = 0 on top\n\
+             measure down = mean(u(3)) on top\nmeasure pressure = mean(p) on low\nsolver linear with {linear}\n"
+        );
+        outcome(&text, 2)
+    };
+    let (direct, iteration) = (of("direct"), of("gmres, amg"));
+    let told = solver(&iteration);
+    assert!(told.starts_with("Newton; whole tangent, of a motion with a field beside it: GMRES"), "{told}");
+    assert!(!told.contains("in place of"), "{told}");
+    // behind the start, where nothing has moved
+    for (a, b) in measures(&direct).iter().zip(measures(&iteration)).skip(2) {
+        assert!(a.abs() > 1e-4 && (a - b).abs() <= 1e-9 * a.abs(), "{a:e} and {b:e}");
     }
 }
 

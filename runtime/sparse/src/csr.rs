@@ -297,6 +297,16 @@ impl Csr {
         None
     }
 
+    /// `(A + A') / 2`.
+    ///
+    /// # Errors
+    /// [`CsrError::Shape`] unless square.
+    pub fn symmetric_part(&self) -> Result<Self, CsrError> {
+        let mut sum = self.plus(&self.transpose())?;
+        sum.values.iter_mut().for_each(|value| *value *= 0.5);
+        Ok(sum)
+    }
+
     /// By row the square root of its largest magnitude. Rounding of an entry that couples two unknowns is a part of what both
     /// are stiff: of unknowns in other units, such as a pressure beside a displacement, the largest entry of the matrix says
     /// nothing.

@@ -15,6 +15,7 @@ use super::{Kind, LinearSolver};
 use crate::iterative::{self, Iterative, is_of_iteration};
 use crate::library::on_contact_by_nodes;
 use crate::plan::ITERATION;
+use crate::saddle;
 use crate::without_matrix;
 
 /// Attempts at steps in which a factor may take the place of the iteration, before it does so for good: levels that are made for
@@ -33,11 +34,11 @@ impl LinearSolver {
         self.iterative.as_ref().is_some_and(|iterative| iterative.is_at_work() && iterative.is_of_tangents())
     }
 
-    /// Whether GMRES solves whole tangents. Its levels have been positive definite without contact, once in each attempt at a step; where
-    /// they are not, a factor takes its place.
+    /// Whether GMRES solves whole tangents. Its levels, of bodies without contact or of a motion without its pressure, have been positive
+    /// definite; where they are not, a factor takes its place.
     #[must_use]
-    pub fn iterates_with_contact(&self) -> bool {
-        self.iterative.as_ref().is_some_and(|iterative| iterative.is_at_work() && iterative.is_of_contact())
+    pub fn iterates_by_gmres(&self) -> bool {
+        self.iterative.as_ref().is_some_and(|iterative| iterative.is_at_work() && iterative.has_levels_of_a_part())
     }
 
     /// Prepares for the iteration on tangents.
@@ -55,6 +56,13 @@ impl LinearSolver {
     pub(super) fn iterate_on_bodies_with_contact(&mut self, system: &System) -> Result<(), SolveError> {
         let of = on_contact_by_nodes(system).map_err(|_| SolveError::NotFactored)?;
         self.iterative = Some(Iterative::of_contact(of, self.options));
+        self.sum_on(system.bulk(), system.changing_pattern())
+    }
+
+    /// Prepares for GMRES on tangents of a motion and a pressure.
+    pub(super) fn iterate_on_flow(&mut self, system: &System) -> Result<(), SolveError> {
+        let layout = saddle::layout(system).map_err(|_| SolveError::NotFactored)?;
+        self.iterative = Some(Iterative::of_saddles(layout, self.options));
         self.sum_on(system.bulk(), system.changing_pattern())
     }
 

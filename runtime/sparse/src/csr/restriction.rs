@@ -172,7 +172,8 @@ mod tests {
         let a = Csr::from_triplets(4, 4, &triplets).unwrap();
         let map = Restriction::new(a.pattern(), &[0, NONE, 1, 2], 3).unwrap();
         assert!(matches!(map.gathering, Gathering::InOrder { .. }));
-        let (b, places) = (map.apply(&a), Restriction { gathering: by_places(a.pattern(), &[0, NONE, 1, 2], &map.pattern), ..map });
+        let (b, places) =
+            (map.apply(&a), Restriction { gathering: by_places(a.pattern(), &[0, NONE, 1, 2], &map.pattern), ..map });
         assert_eq!(b, places.apply(&a));
         assert_eq!([b.get(0, 0), b.get(0, 2), b.get(1, 0), b.get(1, 1), b.get(2, 2)], [1.0, 2.0, 4.0, 5.0, 7.0]);
     }

@@ -6,6 +6,8 @@
 //! Wathen 2014, chapter 4). That diagonal grows from node to node as the mass of the pressure over the viscosity does, which is spectrally
 //! equivalent to the Schur complement where pressure and motion are a stable pair; its factor is measured once.
 //!
+//! Where the part of the motion is not symmetric (a flow with convection), its symmetric part makes the levels.
+//!
 //! Promises: what comes back as a solution has a backward error below the limit, measured with the matrix itself; the same bits
 //! for any number of threads. Where there are no levels, or no solution, who asks turns to a factor.
 
@@ -26,7 +28,7 @@ const ASYMMETRY: f64 = 1e-9;
 /// Of so many rows one is looked at: all of them take as long as ten iterations.
 const EVERY: usize = 16;
 
-/// Solver for matrices of a motion, whose part is symmetric and positive definite, and a pressure.
+/// Solver for matrices of a motion, whose part has a positive definite symmetric part, and a pressure.
 pub struct CheckedSaddle {
     /// Rows of the pressure have no place.
     layout: NodeLayout,
@@ -67,8 +69,10 @@ impl CheckedSaddle {
         self.loaded = None;
         self.layout.check(matrix)?;
         self.check.set_matrix(&[matrix])?;
-        self.look_at_symmetry(matrix)?;
-        let mut cycle = Cycle::new(&[matrix], &self.layout)?;
+        let mut cycle = match self.is_symmetric(matrix) {
+            true => Cycle::new(&[matrix], &self.layout)?,
+            false => Cycle::new(&[&matrix.symmetric_part()?], &self.layout)?,
+        };
         let pressure = self.schur(matrix, &mut cycle)?;
         let forces = self.forces(matrix)?;
         self.loaded = Some(Loaded { matrix: Arc::clone(matrix), cycle, pressure, forces });
@@ -94,19 +98,14 @@ impl CheckedSaddle {
 
     /// Whether the part of the motion is symmetric, by some of its rows: a term that is not has entries in many of them, and what these
     /// do not show costs iterations and no digit.
-    fn look_at_symmetry(&self, matrix: &Csr) -> Result<(), SolveError> {
+    fn is_symmetric(&self, matrix: &Csr) -> bool {
         let (places, limit) = (&self.layout.places, ASYMMETRY * matrix.max_abs());
-        for row in (0..matrix.n_rows()).step_by(EVERY).filter(|row| places[*row] != NONE) {
+        let of_motion = |row: &usize| places[*row] != NONE;
+        (0..matrix.n_rows()).step_by(EVERY).filter(of_motion).all(|row| {
             let (columns, values) = matrix.row(row);
-            for (column, value) in columns.iter().zip(values).filter(|(column, _)| places[**column as usize] != NONE) {
-                let transposed = matrix.get(*column as usize, row);
-                if (value - transposed).abs() > limit {
-                    let column = *column as usize;
-                    return Err(SolveError::NotSymmetric { row, column, value: *value, transposed });
-                }
-            }
-        }
-        Ok(())
+            let mut entries = columns.iter().zip(values).filter(|(column, _)| of_motion(&(**column as usize)));
+            entries.all(|(column, value)| (value - matrix.get(*column as usize, row)).abs() <= limit)
+        })
     }
 
     /// One over a diagonal that stands for the Schur complement, by row of the pressure.
