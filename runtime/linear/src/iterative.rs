@@ -45,10 +45,6 @@ const LEVELS_OF_A_STEP: Work = Work { made: 1.0, solutions: 5.0 };
 /// older factor aim at as much.
 const WITHIN: f64 = 0.3;
 
-/// What GMRES with one matrix may leave of its right-hand side: a hundredth of the residual at which Newton's method ends by default, as
-/// conjugate gradients do. Down to rounding a flow takes a quarter more iterations, and its state is corrected by as many again.
-const OF_ONE_MATRIX: f64 = 1e-12;
-
 /// What iterates.
 enum Solver {
     /// Conjugate gradients: all is symmetric.
@@ -164,7 +160,7 @@ impl Iterative {
     ) -> Result<SolveReport, SolveError> {
         match (self.of_tangents, &mut self.solver) {
             (false, Solver::Conjugate(solver)) => return solver.solve_to(rhs, x, tolerance),
-            (false, Solver::Saddle(solver)) => return solver.solve_until(rhs, x, tolerance.max(OF_ONE_MATRIX)),
+            (false, Solver::Saddle(solver)) => return solver.solve_until(rhs, x, tolerance),
             _ => {}
         }
         let left = WITHIN * tolerance;

@@ -58,13 +58,11 @@ pub(super) fn bytes(n: usize) -> u64 {
     BYTES * n as u64
 }
 
-/// The same with entries of laws that are stored: of double precision twice, since those of a tangent are still there while the
-/// next ones are made, and of single precision on the levels.
+/// The same with entries of laws that are stored: of double precision, of one tangent at a time, and of single precision on the levels.
 pub(super) fn bytes_with_entries(system: &System) -> u64 {
     let counts = system.counts_of_product();
-    let copies = if system.is_linear() { 1.0 } else { 2.0 };
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a size in bytes")]
-    let entries = (8.0 * copies * counts.stored + 4.0 * counts.stored_on_levels) as u64;
+    let entries = (8.0 * counts.stored + 4.0 * counts.stored_on_levels) as u64;
     bytes(system.n_unknowns()) + entries
 }
 

@@ -24,6 +24,10 @@ const PATIENCE: usize = 2;
 /// A correction so small, relative to the unknowns, is rounding of them; four units of it, as the floor of residuals has.
 const ENOUGH: f64 = 4.0 * f64::EPSILON;
 
+/// What the first correction may leave of its right-hand side: it tells whether there is anything to correct, for which few digits serve, as
+/// they do where digits are estimated. With a factor it leaves rounding, with an iteration this takes a quarter of the time.
+const LEFT_OF_FIRST: f64 = 1e-3;
+
 /// True if the residual at `u`, measured as `here`, is the rounding of the matrix of the linear terms.
 pub(super) fn helps(step: &LoadStep<'_>, u: &[f64], here: &Measured) -> bool {
     let system = step.system;
@@ -52,7 +56,8 @@ pub(super) fn refine(
     step.linear = LinearTerms::AtPoints;
     let (mut best, mut since) = ((f64::INFINITY, u.to_vec()), 0);
     while history.refined < MOST && since < PATIENCE {
-        let Ok(size) = one(step, u, norm, history) else { break };
+        let left = if history.refined == 0 { LEFT_OF_FIRST } else { 0.0 };
+        let Ok(size) = one(step, u, (norm, left), history) else { break };
         since = if size < 0.5 * best.0 { 0 } else { since + 1 };
         if size < best.0 {
             best = (size, u.to_vec());
@@ -66,13 +71,18 @@ pub(super) fn refine(
     Ok(())
 }
 
-/// One correction; its largest entry relative to the largest of its kind.
-fn one(step: &mut LoadStep<'_>, u: &mut [f64], norm: &Norm, history: &mut StepHistory) -> Result<f64, NewtonError> {
+/// One correction, solved until so much of its right-hand side is left; its largest entry relative to the largest of its kind.
+fn one(
+    step: &mut LoadStep<'_>,
+    u: &mut [f64],
+    (norm, left): (&Norm, f64),
+    history: &mut StepHistory,
+) -> Result<f64, NewtonError> {
     let start = u.to_vec();
     let here = step.measure(u, norm)?;
     step.renew_tangent(u, norm.frozen)?;
     let mut direction = Vec::new();
-    step.correct(&here.residual, 0.0, &mut direction, history)?;
+    step.correct(&here.residual, left, &mut direction, history)?;
     let mut by_dof = vec![0.0; u.len()];
     step.system.numbering.free_dofs.iter().zip(&direction).for_each(|(d, x)| by_dof[*d as usize] = *x);
     // a field that is zero has no digits that could get better
