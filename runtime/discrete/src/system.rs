@@ -29,6 +29,7 @@ mod on_faces;
 mod operator;
 mod past;
 mod positions;
+mod rate_forms;
 mod residual;
 mod shared;
 mod sizes;
@@ -49,6 +50,8 @@ use on_faces::OnFaces;
 use past::PastMatrices;
 pub use past::{PastForm, is_affine_in_the_past, is_of_rates, readings, stays};
 use positions::Placed;
+pub use rate_forms::InRates;
+use rate_forms::RateForms;
 pub use residual::Residual;
 use shared::Counts;
 use sizes::meeting_fields;
@@ -122,6 +125,8 @@ pub struct System {
     /// The derivatives of terms whose constants are made by matrices, and these once they are assembled.
     past_forms: Vec<PastForm>,
     past_matrices: Option<Arc<PastMatrices>>,
+    /// The derivatives of terms in rates, as far as they have been asked for.
+    rate_forms: RateForms,
     /// By field: the first field of those whose forces meet on interfaces.
     meets: Vec<usize>,
     bodies: bodies::Found,
@@ -184,6 +189,7 @@ impl System {
             steady: None,
             past_forms: Vec::new(),
             past_matrices: None,
+            rate_forms: RateForms::default(),
             meets,
             bodies: bodies::Found::new(),
             extent,
