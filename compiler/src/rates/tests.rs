@@ -169,7 +169,10 @@ fn products_are_those_of_the_derivative_with_rates_of_their_own() {
 fn nothing_of_the_stiffness_and_of_the_scheme_is_in_a_mass() {
     let of = |text: &str| compile_rates(&law(text), RateOrder::Second).expect("a mass").law;
     let mass = of("3*Dot2_u.Test_u + 1e20*u.Test_u + 7*Dot_u.Test_u");
-    assert_eq!((mass.class, mass.symmetric, mass.tangent_has_uniforms, mass.kinks.len()), (Class::Linear, true, false, 0));
+    assert_eq!(
+        (mass.class, mass.symmetric, mass.tangent_has_uniforms, mass.kinks.len()),
+        (Class::Linear, true, false, 0)
+    );
     assert_eq!(mass.tangent.kernel().insts.len(), of("3*Dot2_u.Test_u").tangent.kernel().insts.len());
     assert!(compile_rates(&law("u.Test_u"), RateOrder::Second).is_none());
 }

@@ -84,11 +84,6 @@ impl<E: Into<SystemError>> From<E> for Unlumped {
 /// a vector where the directions of the start are used up.
 pub(crate) const ROUNDED: f64 = 1e-13;
 
-/// Whether a term reads a rate of this order.
-pub(crate) fn reads(term: &AssembledTerm, order: RateOrder) -> bool {
-    term.law.inputs.iter().any(|slot| matches!(slot, InputSlot::History(o, _) if *o == order))
-}
-
 /// Whether the inertia of a term is a matrix that stays: nothing in the term depends on unknowns beyond a linear law, or on
 /// the step variable.
 pub(crate) fn has_a_mass_of_its_own(term: &AssembledTerm) -> bool {
@@ -138,7 +133,7 @@ fn refuse_without_inertia(system: &System) -> Result<(), Unlumped> {
             return Err(Unlumped::NoInertia { field: field.name.clone(), multiplier });
         }
     }
-    let inertia = |t: &AssembledTerm| reads(t, RateOrder::Second);
+    let inertia = |t: &AssembledTerm| t.law.reads_rates(RateOrder::Second);
     if let Some(term) = system.terms.iter().position(|t| inertia(t) && !has_a_mass_of_its_own(t)) {
         return Err(Unlumped::Mixed { term });
     }
@@ -190,7 +185,7 @@ fn rated(system: &System) -> Vec<(usize, usize)> {
 
 /// The linear terms that read a rate of this order.
 fn linear_terms_with(system: &System, order: RateOrder) -> Vec<usize> {
-    let wanted = |t: &AssembledTerm| reads(t, order) && t.law.class <= Class::Linear;
+    let wanted = |t: &AssembledTerm| t.law.reads_rates(order) && t.law.class <= Class::Linear;
     (0..system.terms.len()).filter(|k| wanted(&system.terms[*k])).collect()
 }
 

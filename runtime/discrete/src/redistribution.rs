@@ -18,7 +18,7 @@ use wfl_sparse::csr::Csr;
 use crate::{
     assemble::AssembledTerm,
     field::{Field, FieldSpace},
-    lumped::{has_a_mass_of_its_own, reads},
+    lumped::has_a_mass_of_its_own,
     rates::{Rates, Scheme},
     space::Space,
     system::{Branches, InRates, Redistribution, System, SystemError},
@@ -82,7 +82,7 @@ impl<E: Into<SystemError>> From<E> for Unmovable {
 /// # Errors
 /// [`Unmovable`] says what stands against it.
 pub fn redistribution(system: &mut System, nodes: &dyn Fn(&Field) -> Vec<u32>) -> Result<Redistribution, Unmovable> {
-    let inertia = |t: &AssembledTerm| reads(t, RateOrder::Second);
+    let inertia = |t: &AssembledTerm| t.law.reads_rates(RateOrder::Second);
     if let Some(term) = system.terms.iter().position(|t| inertia(t) && !has_a_mass_of_its_own(t)) {
         return Err(Unmovable::Mixed { term });
     }
@@ -125,7 +125,7 @@ fn on_faces(system: &System, relieved: &[bool]) -> Option<usize> {
         term.for_each_entity(|rows, _| acts |= rows.iter().any(|d| relieved[*d as usize]));
         acts
     };
-    system.terms.iter().position(|t| reads(t, RateOrder::Second) && !t.on_cells() && acts_there(t))
+    system.terms.iter().position(|t| t.law.reads_rates(RateOrder::Second) && !t.on_cells() && acts_there(t))
 }
 
 /// By relieved node its carriers with their weights; the position of a node that has none.
@@ -211,7 +211,7 @@ fn turning(system: &mut System, relieved: &[bool]) -> Result<Option<usize>, Syst
     let ranges: Vec<_> = second.map(|of| of.dofs.clone()).collect();
     let moves = |dof: usize| ranges.iter().any(|range| range.contains(&dof));
     for term in 0..system.terms.len() {
-        if !reads(&system.terms[term], RateOrder::First) {
+        if !system.terms[term].law.reads_rates(RateOrder::First) {
             continue;
         }
         let made = of_rates(system, RateOrder::First, &[term])?;

@@ -10,10 +10,9 @@ use std::ops::Range;
 
 use wfl_compiler::{
     Class, TermLaw,
-    types::{InputSlot, RateForm, RateOrder},
+    types::{RateForm, RateOrder},
 };
 use wfl_discrete::{
-    assemble::AssembledTerm,
     lumped::Lumped,
     rates::Rates,
     system::{FIXED, System},
@@ -197,10 +196,6 @@ pub(super) fn moving(rates: Option<&Rates>) -> Vec<Range<usize>> {
     fields.filter(|of| of.form == RateForm::Second).map(|of| of.dofs.clone()).collect()
 }
 
-fn has_inertia(term: &AssembledTerm) -> bool {
-    term.law.inputs.iter().any(|slot| matches!(slot, InputSlot::History(RateOrder::Second, _)))
-}
-
 /// Forces and kinetic energy at the end `u` of a step, with the rates there.
 fn forces(kinds: Kinds, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<Forces, NewtonError> {
     let Solving { system, scene, .. } = scene;
@@ -229,13 +224,15 @@ fn forces_at_end(scene: &Scene, system: &mut System, kinds: &KindsOfTerms, at: A
     // without accelerations a term with inertia gives what else stands in it
     take(system.rates_mut(), &zero);
     system.set_laws(window);
+    let has_inertia = |k: &usize| system.terms[*k].law.reads_rates(RateOrder::Second);
+    let inertial: Vec<usize> = (0..system.terms.len()).filter(has_inertia).collect();
     let mut by_term = vec![zero.clone(); kinds.count + 1];
     let mut total = zero.clone();
     for k in 0..system.terms.len() {
         let mut force = zero.clone();
         system.term_residual(k, u, &mut force)?;
         by_term[kinds.by_term[k]].iter_mut().zip(&force).for_each(|(a, b)| *a += b);
-        if explicit.is_some() || !has_inertia(&system.terms[k]) {
+        if explicit.is_some() || !inertial.contains(&k) {
             total.iter_mut().zip(&force).for_each(|(a, b)| *a += b);
         }
     }
@@ -244,7 +241,7 @@ fn forces_at_end(scene: &Scene, system: &mut System, kinds: &KindsOfTerms, at: A
         return Ok(Forces { by_term, total, kinetic });
     }
     take(system.rates_mut(), &second);
-    for k in (0..system.terms.len()).filter(|k| has_inertia(&system.terms[*k])) {
+    for k in inertial {
         system.term_residual(k, u, &mut total)?;
     }
     system.add_redistributed(&second, &mut total);
