@@ -268,5 +268,9 @@ fn a_mass_beside_a_stiffness_in_one_term_is_the_mass() {
     // of linear elements on the lumped mass: a quarter of the mass at each node, half of it at the ends
     let found = run(bar("scheme explicit energy=1\nsteps t = 0 to 2e-14 by 1e-14\n"));
     let lumped = 0.5 * 1e-8 * 0.25 * (0.25f64.powi(2) + 0.5f64.powi(2) + 0.75f64.powi(2) + 0.5);
-    assert!((found.measure(0, "energy_kinetic") / lumped - 1.0).abs() < 1e-12, "{}", found.measure(0, "energy_kinetic"));
+    assert!(
+        (found.measure(0, "energy_kinetic") / lumped - 1.0).abs() < 1e-12,
+        "{}",
+        found.measure(0, "energy_kinetic")
+    );
 }
