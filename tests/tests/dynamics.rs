@@ -274,3 +274,21 @@ fn a_mass_beside_a_stiffness_in_one_term_is_the_mass() {
         found.measure(0, "energy_kinetic")
     );
 }
+
+/// A block that creeps on a floor which it touches without a force: friction, whose bound is a part of the pressure, has none yet.
+#[test]
+fn friction_without_a_pressure_does_not_brake_where_time_starts() {
+    let speed = |friction: &str| {
+        let found = run(format!(
+            "mesh box [0,0] to [2,1] cells [4,2] quad\nregion floor = faces where y == 0\n\
+             region top = faces where y == 1\nunknown u : vector\n\
+             term stress on all : (Grad_u + Grad_u'):Grad_Test_u + Div_u*Div_Test_u\n\
+             term creep on all : 0.7*(Grad_Dot_u + Grad_Dot_u'):Grad_Test_u + 0.2*Dot_u.Test_u\n\
+             def p = pos_part(-100*u(2))\nterm contact on floor : -p*Test_u(2){friction}\n\
+             load u = [0.5,-1] on top\nscheme newmark\nsteps t = 0 to 0.1 by 0.05\nmeasure speed = mean(Dot_u(1)) on top\n"
+        ));
+        found.measure(0, "speed")
+    };
+    let (with, without) = (speed(" + Ball_projection(20*Dot_u(1), 0.3*p)*Test_u(1)"), speed(""));
+    assert!((with / without - 1.0).abs() < 1e-9 && without > 4.0, "{with} {without}");
+}

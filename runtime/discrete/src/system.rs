@@ -215,6 +215,7 @@ impl System {
     /// [`CsrError`] when the pattern does not fit the index types.
     pub fn add_frozen(&mut self, frozen: Vec<FrozenTerm>) -> Result<(), CsrError> {
         self.frozen = frozen;
+        self.rate_forms.clear();
         self.locate()
     }
 

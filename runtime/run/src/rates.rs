@@ -7,7 +7,7 @@
 use wfl_compiler::types::RateForm;
 use wfl_discrete::{
     finite::BadGiven,
-    rates::Rates,
+    rates::{RateFactors, Rates},
     system::{ActiveSet, Branches, FIXED, Form, System, SystemError},
     window::Window,
 };
@@ -256,7 +256,7 @@ fn settled(
         if scene.contact.is_empty() {
             return Ok((mass, rates));
         }
-        let next = scene.contact.written_at(scene.system, &ahead_of_it);
+        let next = branches_ahead(scene, at, &ahead_of_it);
         let stays = match &set {
             Some(set) => *set == next,
             None => tangent(scene, u, at, Branches::Frozen(&next))?.values() == held.values(),
@@ -271,6 +271,24 @@ fn settled(
             return Err(NewtonError::Unsettled);
         }
     }
+}
+
+/// The branches at a state just behind the start. Rates there are known by their sign alone: the change on the way to it has the weight
+/// that rates have beside all else, and what slips or opens at all does so.
+fn branches_ahead(scene: &mut Solving<'_>, at: Window, ahead: &[f64]) -> ActiveSet {
+    let [weight, _] = weight_and_root(at);
+    let held = scene.system.step();
+    scene.contact.begin_step(at.with_rates(RateFactors { rate: weight, velocity: 0.0, acceleration: weight }));
+    let found = scene.contact.written_at(scene.system, ahead);
+    scene.contact.begin_step(held);
+    found
+}
+
+/// What rates are weighted by, and its root, in a first step.
+fn weight_and_root(at: Window) -> [f64; 2] {
+    #[expect(clippy::cast_possible_truncation, reason = "an exponent")]
+    let exponent = WEIGHT - at.increment.abs().log2().floor() as i32;
+    [2 * exponent, exponent].map(|exponent| 2.0f64.powi(exponent))
 }
 
 /// First and second rates with a change of the highest ones, and a state on the way that they lead, with the multipliers that
@@ -387,9 +405,7 @@ fn mass(
     held: &Csr,
     branches: Branches<'_>,
 ) -> Result<Mass, NewtonError> {
-    #[expect(clippy::cast_possible_truncation, reason = "an exponent")]
-    let exponent = WEIGHT - at.increment.abs().log2().floor() as i32;
-    let (weight, root) = (2.0f64.powi(2 * exponent), 2.0f64.powi(exponent));
+    let [weight, root] = weight_and_root(at);
     let own = scene.system.mass_over_free(u, branches)?;
     let of_rates = scene.system.whole(own).map_err(SystemError::from)?;
     let mut has_rate = vec![false; u.len()];
