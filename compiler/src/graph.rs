@@ -9,7 +9,7 @@ use std::collections::HashMap;
 
 use crate::{
     ir::Origin,
-    types::{FieldId, FieldSig, Moves, Shape, Side},
+    types::{FieldId, FieldKind, FieldSig, Moves, Shape, Side},
 };
 
 mod difference;
@@ -72,6 +72,29 @@ impl Graph {
             global: fields.iter().map(|f| f.global).collect(),
             negative_radii: Vec::new(),
         }
+    }
+
+    /// Adds fields that are known, one like each of those that there are; gives how many there were.
+    pub(crate) fn add_companions(&mut self) -> usize {
+        let n = self.shapes.len();
+        self.unknown.resize(2 * n, false);
+        self.shapes.extend_from_within(..);
+        self.global.extend_from_within(..);
+        n
+    }
+
+    /// The fields as far as laws are made with them: without their names and where they live.
+    pub(crate) fn fields(&self) -> Vec<FieldSig> {
+        let kind = |k: usize| if self.unknown[k] { FieldKind::Unknown } else { FieldKind::Data };
+        let field = |k: usize| FieldSig {
+            name: String::new(),
+            shape: self.shapes[k],
+            degree: 0,
+            kind: kind(k),
+            global: self.global[k],
+            on_faces: false,
+        };
+        (0..self.shapes.len()).map(field).collect()
     }
 
     /// New nodes come from this place from now on; returns the place that held before.

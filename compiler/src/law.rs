@@ -7,7 +7,7 @@ use crate::{
     graph::{ExprId, Graph},
     interp::interpret,
     ir::{Origin, VerifiedKernel},
-    types::{BasisSlot, FieldId, InputSlot, Shape, UniformSlot},
+    types::{BasisSlot, FieldId, InputSlot, RateOrder, Shape, UniformSlot},
 };
 
 /// How a term depends on the unknowns; each class has its own treatment in assembly and solver.
@@ -104,6 +104,14 @@ pub struct TermLaw {
     pub summands: Option<VerifiedKernel>,
     /// The typed graph and its roots, for listings.
     pub listing: Listing,
+}
+
+impl TermLaw {
+    /// Whether it reads rates of this order.
+    #[must_use]
+    pub fn reads_rates(&self, order: RateOrder) -> bool {
+        self.inputs.iter().any(|slot| matches!(slot, InputSlot::History(of, _) if *of == order))
+    }
 }
 
 /// The graph behind a law.

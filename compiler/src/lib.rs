@@ -36,6 +36,7 @@ mod ops;
 mod positions;
 mod print;
 mod random;
+mod rates;
 mod real;
 mod scalar;
 mod shape;
@@ -71,6 +72,7 @@ pub use linear::{Reading, compile_linear_part, compile_value_weights, is_affine}
 pub use math::{MathFn1, MathFn2, MatrixFn};
 pub use ops::{OpDef, all as functions, function_table};
 pub use print::{PrintLaw, compile_prints};
+pub use rates::{RateLaw, compile_rates};
 pub use real::Real;
 pub use shape::{Extent, Velocity};
 pub use symmetry::unit_normals;

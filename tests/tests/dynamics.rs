@@ -226,3 +226,69 @@ fn friction_on_the_rate_of_slip_takes_the_kinetic_energy_under_every_scheme() {
         assert!((way - 1.0).abs() < 0.02 && (taken - 0.5).abs() < 0.02, "{scheme}: {way} {taken}");
     }
 }
+
+/// A bar at rest with a sudden load at its end. In steps far longer than its periods the trapezoidal rule goes from zero to twice the
+/// static displacement and back, whatever stiffness, density and increment are: its first acceleration is load over mass.
+#[test]
+fn a_step_far_longer_than_all_periods_begins_with_load_over_mass() {
+    for (stiffness, density, h) in [(1e20, 1e-20, 1.0), (1e12, 1e-12, 1.0), (1.0, 1.0, 1e12), (1e10, 1e-10, 1.0)] {
+        for hold in ["fix u = 0 on left", "multiplier l : scalar on left\nterm hold on left : l*Test_u + u*Test_l"] {
+            let found = run(format!(
+                "param E = {stiffness:e}\nparam rho = {density:e}\nmesh box [0] to [1] cells [4] segment\n\
+                 region left = faces where x == 0\nregion tip = faces where x == 1\nunknown u : scalar\n\
+                 term inertia on all : rho*Dot2_u*Test_u\nterm stress on all : E*Grad_u.Grad_Test_u\n\
+                 load u = 1 on tip\n{hold}\nscheme newmark\nsteps t = 0 to {} by {h:e}\nmeasure moved = E*mean(u) on tip\n",
+                2.0 * h
+            ));
+            let moved = [1, 2].map(|k| found.measure(k, "moved"));
+            let of = format!("E = {stiffness:e}, rho = {density:e}, steps of {h:e}, {hold}: {moved:?}");
+            assert!((moved[0] - 2.0).abs() < 1e-8 && moved[1].abs() < 1e-8, "{of}");
+        }
+    }
+}
+
+/// A light stiff bar that is stretched and moves, with inertia and stress in one term: of a difference of two forces its mass would be
+/// rounding of the stress.
+#[test]
+fn a_mass_beside_a_stiffness_in_one_term_is_the_mass() {
+    let bar = |rest: &str| {
+        format!(
+            "param E = 1e12\nparam rho = 1e-8\nmesh box [0] to [1] cells [4] segment\nregion left = faces where x == 0\n\
+             region tip = faces where x == 1\nunknown u : scalar\nstart u = 1e-5*x\nstart Dot_u = x\n\
+             term body on all : rho*Dot2_u*Test_u + E*Grad_u.Grad_Test_u\nload u = 1e-5*E on tip\nfix u = 0 on left\n\
+             quadrature on all degree 2\nmeasure kinetic = integral(rho/2*Dot_u*Dot_u) on all\n{rest}"
+        )
+    };
+    let found = run(bar("scheme newmark energy=1\nsteps t = 0 to 2e-10 by 1e-10\n"));
+    for k in 0..3 {
+        let [exact, told] = ["kinetic", "energy_kinetic"].map(|name| found.measure(k, name));
+        // a velocity is a change of displacements, which are 1e5 times as large, over the increment
+        assert!((told / exact - 1.0).abs() < 1e-9, "step {k}: {told} {exact}");
+    }
+    // of linear elements on the lumped mass: a quarter of the mass at each node, half of it at the ends
+    let found = run(bar("scheme explicit energy=1\nsteps t = 0 to 2e-14 by 1e-14\n"));
+    let lumped = 0.5 * 1e-8 * 0.25 * (0.25f64.powi(2) + 0.5f64.powi(2) + 0.75f64.powi(2) + 0.5);
+    assert!(
+        (found.measure(0, "energy_kinetic") / lumped - 1.0).abs() < 1e-12,
+        "{}",
+        found.measure(0, "energy_kinetic")
+    );
+}
+
+/// A block that creeps on a floor which it touches without a force: friction, whose bound is a part of the pressure, has none yet.
+#[test]
+fn friction_without_a_pressure_does_not_brake_where_time_starts() {
+    let speed = |friction: &str| {
+        let found = run(format!(
+            "mesh box [0,0] to [2,1] cells [4,2] quad\nregion floor = faces where y == 0\n\
+             region top = faces where y == 1\nunknown u : vector\n\
+             term stress on all : (Grad_u + Grad_u'):Grad_Test_u + Div_u*Div_Test_u\n\
+             term creep on all : 0.7*(Grad_Dot_u + Grad_Dot_u'):Grad_Test_u + 0.2*Dot_u.Test_u\n\
+             def p = pos_part(-100*u(2))\nterm contact on floor : -p*Test_u(2){friction}\n\
+             load u = [0.5,-1] on top\nscheme newmark\nsteps t = 0 to 0.1 by 0.05\nmeasure speed = mean(Dot_u(1)) on top\n"
+        ));
+        found.measure(0, "speed")
+    };
+    let (with, without) = (speed(" + Ball_projection(20*Dot_u(1), 0.3*p)*Test_u(1)"), speed(""));
+    assert!((with / without - 1.0).abs() < 1e-9 && without > 4.0, "{with} {without}");
+}

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use wfl_compiler::types::{RateForm, RateOrder};
 use wfl_discrete::{
-    system::{Branches, Form, LinearTerms},
+    system::{Branches, Form, InRates, LinearTerms, System},
     window::Window,
 };
 use wfl_host::team::in_threads;
@@ -136,26 +137,78 @@ fn ranks_have_the_residuals_and_tangents_of_one() {
     }
 }
 
+/// The products of the mass with accelerations and its matrix over the free dofs, of all rows.
+fn masses(scene: &mut Scene) -> (Vec<f64>, Csr) {
+    let u = state(scene);
+    let mut forces = scene.system.mass_times(&u, &u).expect("finite");
+    scene.system.team().sum(&mut forces);
+    let own = scene.system.mass_over_free(&u, Branches::AsWritten).expect("finite");
+    (forces, scene.system.whole(own).expect("fits"))
+}
+
 #[test]
-fn ranks_have_the_forces_of_the_mass_that_nodes_gave_away() {
+fn ranks_have_the_mass_that_nodes_gave_away() {
     let edits = [("beta=0.2652 gamma=0.53", "massless=wall".to_owned())];
-    let forces = |scene: &Scene| {
-        let mut out = vec![0.0; scene.system.numbering.n_dofs];
-        scene.system.add_redistributed(&state(scene), &mut out);
-        scene.system.team().sum(&mut out);
-        bits(&out)
-    };
-    let alone = forces(&example("dynamics/bar.wfl", &edits));
-    assert!(alone.iter().any(|word| *word != 0));
+    let (forces, mass) = masses(&mut example("dynamics/bar.wfl", &edits));
+    let of = |forces: &[f64], mass: &Csr| (bits(forces), bits(mass.values()));
+    let alone = of(&forces, &mass);
+    assert!(alone.0.iter().any(|word| *word != 0));
     std::thread::scope(|scope| {
         for team in in_threads(2) {
             scope.spawn(|| {
                 let mut scene = example("dynamics/bar.wfl", &edits);
                 scene.share_rows(team);
-                assert_eq!(forces(&scene), alone);
+                let (forces, mass) = masses(&mut scene);
+                assert_eq!(of(&forces, &mass), alone);
             });
         }
     });
+}
+
+/// On bodies with faces, in local frames of nodes, with dofs that follow others, with mass that was given away.
+#[test]
+fn a_mass_over_free_dofs_has_the_products_of_the_mass() {
+    let turned = "mesh box [0,0] to [3,2] cells [4,3] quad map [0.8*x - 0.6*y, 0.6*x + 0.8*y]\n\
+        region floor = faces where abs(0.8*y - 0.6*x) < 1e-6\nunknown u : vector\nunknown p : scalar\n\
+        term inertia on all : (2 + u.u)*Dot2_u.Test_u + 1e9*Grad_u:Grad_Test_u\nterm plate on floor : 3*Dot2_u.Test_u\n\
+        term flow on all : 5*Dot_p*Test_p + Dot_u.Grad_Test_p\nfix u.Normal = 0 on floor\nsteps t = 0 to 1 by 0.1\n";
+    let backend = JitBackend::new().expect("machine code on this processor");
+    let text = |edits| prepared(Path::new("."), turned.to_owned(), edits, &[], &backend).expect("a scene");
+    let constant = [("(2 + u.u)", "2".to_owned()), ("3*Dot2_u", "0*Dot2_u".to_owned())];
+    let given_away = [&constant[..], &[("steps", "scheme bdf2 massless=floor\nsteps".to_owned())]].concat();
+    let scenes = [
+        text(&[]),
+        text(&given_away),
+        example("dynamics/bars.wfl", &[]),
+        example("dynamics/sphere.wfl", &[]),
+        example("dynamics/sliding.wfl", &[]),
+    ];
+    for (k, mut scene) in scenes.into_iter().enumerate() {
+        let u = state(&scene);
+        let matrix = scene.system.mass_over_free(&u, Branches::AsWritten).expect("finite");
+        let system = &mut scene.system;
+        let free: Vec<f64> = (0..matrix.n_cols()).map(|k| u[system.numbering.free_dofs[k] as usize]).collect();
+        let zero = vec![0.0; u.len()];
+        let mut rates = zero.clone();
+        system.numbering.advance(&zero, &free, 1.0, &mut rates);
+        let is_first = |system: &System, d: usize| {
+            let rates = system.rates().expect("rates").fields();
+            rates.iter().any(|of| of.form == RateForm::First && of.dofs.contains(&d))
+        };
+        let mut forces = system.mass_times(&u, &rates).expect("finite");
+        let of_first: Vec<f64> = (0..u.len()).map(|d| if is_first(system, d) { rates[d] } else { 0.0 }).collect();
+        let terms: Vec<usize> = (0..system.terms.len()).collect();
+        let first = InRates { order: RateOrder::First, terms: &terms, at: &u, branches: Branches::AsWritten };
+        let beside = system.times_rates(first, &of_first).expect("finite");
+        forces.iter_mut().zip(beside).for_each(|(f, b)| *f += b);
+        system.numbering.turn(&mut forces);
+        let (mut exact, mut found) = (Vec::new(), vec![0.0; free.len()]);
+        system.numbering.gather(&forces, &mut exact);
+        matrix.multiply(&free, &mut found, 1);
+        let largest = exact.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let error = exact.iter().zip(&found).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        assert!(largest > 0.0 && error < 1e-14 * largest, "scene {k}: {error} of {largest}");
+    }
 }
 
 #[test]

@@ -9,9 +9,8 @@ use wfl_sparse::csr::Csr;
 
 use crate::{
     assemble::AssembledTerm,
-    lumped::{Lumped, ROUNDED, reads, rest, sum},
-    rates::RateFactors,
-    system::{Branches, System, SystemError},
+    lumped::{Lumped, ROUNDED, rest, sum},
+    system::{Branches, InRates, System, SystemError},
     window::Window,
 };
 
@@ -146,22 +145,18 @@ impl Operator {
 
     fn of(system: &mut System, u: &[f64], window: Window, [of_rates, linear]: [bool; 2]) -> Result<Self, SystemError> {
         rest(system, window);
-        let mut tangent = system.new_tangent();
-        system.tangent(u, Branches::AsWritten, &mut tangent)?;
-        let mut changing = tangent.changing;
-        if of_rates {
-            // with the velocity factor 1 the derivative has both parts
-            if let Some(rates) = system.rates_mut() {
-                rates.probe(RateFactors { velocity: 1.0, ..RateFactors::default() });
-            }
-            system.set_laws(window);
-            let mut moving = system.new_tangent();
-            system.tangent(u, Branches::AsWritten, &mut moving)?;
-            let mut moving = moving.changing;
-            moving.values_mut().iter_mut().zip(changing.values()).for_each(|(a, b)| *a -= b);
-            changing = moving;
-            rest(system, window);
-        }
+        let changing = if of_rates {
+            let changes = |k: &usize| system.terms[*k].law.class > Class::Linear;
+            let terms: Vec<usize> = (0..system.terms.len()).filter(changes).collect();
+            let branches = Branches::AsWritten;
+            let damping =
+                system.matrix_of_rates(InRates { order: RateOrder::First, terms: &terms, at: u, branches })?;
+            system.over_free(&damping)?
+        } else {
+            let mut tangent = system.new_tangent();
+            system.tangent(u, Branches::AsWritten, &mut tangent)?;
+            tangent.changing
+        };
         let mut this = Self { changing: Some(changing), at_rest: Vec::new(), of_rates, linear };
         this.at_rest = this.linear(system, &vec![0.0; system.numbering.n_dofs])?;
         Ok(this)
@@ -174,7 +169,7 @@ impl Operator {
     }
 
     fn takes(&self, term: &AssembledTerm) -> bool {
-        self.linear && term.law.class <= Class::Linear && (!self.of_rates || reads(term, RateOrder::First))
+        self.linear && term.law.class <= Class::Linear && (!self.of_rates || term.law.reads_rates(RateOrder::First))
     }
 
     /// The linear terms at displacements, or velocities, by dof in the axes of the scene.

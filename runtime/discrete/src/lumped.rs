@@ -1,11 +1,11 @@
 //! A system whose mass stands on the diagonal: the mass and the damping.
 //!
-//! The mass of a dof is the sum of its row of the mass matrix, found by a residual: with the second rate 1 in one component
-//! of one field and zero in all others, the terms with `Dot2_` give the sums of the columns that belong to it. The damping
+//! The mass of a dof is the sum of its row of the mass matrix, found by its products ([`System::times_rates`]): with second rates
+//! that are 1 in one component of one field and zero in all others they are the sums of the columns that belong to it. The damping
 //! of a dof is found in the same way from the linear terms with `Dot_`; what couples it with other components and fields
 //! counts with its size, so that the diagonal is never less than the matrix, and steps solve for the rest (`damping.rs`). Mass that
-//! couples dofs of different components, fields or bodies is no diagonal: it is refused. Promises: no matrix of the linear terms is
-//! assembled. Steps nothing.
+//! couples dofs of different components, fields or bodies is no diagonal: it is refused. Promises: no matrix is assembled. Steps
+//! nothing.
 //!
 //! Source: T. J. R. Hughes, The Finite Element Method (1987), 7.3.2 for row sums.
 
@@ -19,7 +19,7 @@ use crate::{
     finite::largest,
     frames::Frame,
     rates::Rates,
-    system::{FIXED, System, SystemError},
+    system::{Branches, FIXED, InRates, System, SystemError},
     window::Window,
 };
 
@@ -84,11 +84,6 @@ impl<E: Into<SystemError>> From<E> for Unlumped {
 /// a vector where the directions of the start are used up.
 pub(crate) const ROUNDED: f64 = 1e-13;
 
-/// Whether a term reads a rate of this order.
-pub(crate) fn reads(term: &AssembledTerm, order: RateOrder) -> bool {
-    term.law.inputs.iter().any(|slot| matches!(slot, InputSlot::History(o, _) if *o == order))
-}
-
 /// Whether the inertia of a term is a matrix that stays: nothing in the term depends on unknowns beyond a linear law, or on
 /// the step variable.
 pub(crate) fn has_a_mass_of_its_own(term: &AssembledTerm) -> bool {
@@ -97,7 +92,7 @@ pub(crate) fn has_a_mass_of_its_own(term: &AssembledTerm) -> bool {
 }
 
 impl Lumped {
-    /// The diagonal of a system at the state `u` and a step, whose increment terms may read. The rates of the system are left zero.
+    /// The diagonal of a system at the state `u` and a step, whose increment terms may read.
     ///
     /// # Errors
     /// [`Unlumped`] says what has no mass.
@@ -138,7 +133,7 @@ fn refuse_without_inertia(system: &System) -> Result<(), Unlumped> {
             return Err(Unlumped::NoInertia { field: field.name.clone(), multiplier });
         }
     }
-    let inertia = |t: &AssembledTerm| reads(t, RateOrder::Second);
+    let inertia = |t: &AssembledTerm| t.law.reads_rates(RateOrder::Second);
     if let Some(term) = system.terms.iter().position(|t| inertia(t) && !has_a_mass_of_its_own(t)) {
         return Err(Unlumped::Mixed { term });
     }
@@ -158,23 +153,6 @@ fn acts_between_places(term: &AssembledTerm) -> bool {
     };
     let is_there = |side: Side| slots().any(|slot| slot.side == side);
     slots().any(|slot| slot.op != FieldOp::Value) || is_there(Side::Here) && is_there(Side::There)
-}
-
-/// Sets rates that are the same in one component of one field and zero elsewhere.
-fn set_rate(system: &mut System, order: RateOrder, field: usize, component: Option<usize>, window: Window) {
-    let zero = vec![0.0; system.numbering.n_dofs];
-    let mut one = zero.clone();
-    let stride = system.fields[field].n_components;
-    for (k, d) in system.range(field).into_iter().flatten().enumerate() {
-        one[d] = f64::from(u8::from(component == Some(k % stride)));
-    }
-    if let Some(rates) = system.rates_mut() {
-        match order {
-            RateOrder::First => rates.take(&one, &zero),
-            RateOrder::Second => rates.take(&zero, &one),
-        }
-    }
-    system.set_laws(window);
 }
 
 /// No rates.
@@ -205,8 +183,14 @@ fn rated(system: &System) -> Vec<(usize, usize)> {
     fields.map(|of| (of.field, system.fields[of.field].n_components)).collect()
 }
 
-/// The sums of rows of the derivative of some terms in a rate: calls `f` with the field and the component that the rate is 1
-/// in, and the difference by dof in the axes of the scene.
+/// The linear terms that read a rate of this order.
+fn linear_terms_with(system: &System, order: RateOrder) -> Vec<usize> {
+    let wanted = |t: &AssembledTerm| t.law.reads_rates(order) && t.law.class <= Class::Linear;
+    (0..system.terms.len()).filter(|k| wanted(&system.terms[*k])).collect()
+}
+
+/// The sums of rows of the derivative of linear terms in a rate: calls `f` with the field and the component that the rate is 1
+/// in, and the sums by dof in the axes of the scene.
 fn row_sums(
     system: &mut System,
     u: &[f64],
@@ -214,21 +198,20 @@ fn row_sums(
     order: RateOrder,
     mut f: impl FnMut(&System, usize, usize, &[f64]),
 ) -> Result<(), SystemError> {
-    let wanted = |t: &AssembledTerm| reads(t, order) && t.law.class <= Class::Linear;
-    if !system.terms.iter().any(wanted) {
+    let terms = linear_terms_with(system, order);
+    if terms.is_empty() {
         return Ok(());
     }
-    rest(system, window);
-    let without = sum(system, u, &wanted)?;
+    system.set_laws(window);
     for (field, n) in rated(system) {
         for component in 0..n {
-            set_rate(system, order, field, Some(component), window);
-            let mut with = sum(system, u, &wanted)?;
-            with.iter_mut().zip(&without).for_each(|(a, b)| *a -= b);
-            f(system, field, component, &with);
+            let is_own = own(system, field, component);
+            let one: Vec<f64> = (0..u.len()).map(|d| f64::from(u8::from(is_own(d)))).collect();
+            let what = InRates { order, terms: &terms, at: u, branches: Branches::AsWritten };
+            let sums = system.times_rates(what, &one)?;
+            f(system, field, component, &sums);
         }
     }
-    rest(system, window);
     Ok(())
 }
 
@@ -246,21 +229,17 @@ pub struct Probe {
 }
 
 impl Lumped {
-    /// All rates that this diagonal was found with, at the state `u` and a value of the step variable. The rates of the system
-    /// are left zero.
+    /// All rates that this diagonal was found with, at the state `u` and a value of the step variable.
     ///
     /// # Errors
     /// [`SystemError`] where the system cannot be evaluated at `u`.
     pub fn probes(&self, system: &mut System, u: &[f64], window: Window) -> Result<Vec<Probe>, SystemError> {
         let mut made = Vec::new();
         for order in [RateOrder::Second, RateOrder::First] {
-            let wanted = |t: &AssembledTerm| reads(t, order) && t.law.class <= Class::Linear;
-            let terms: Vec<usize> = (0..system.terms.len()).filter(|k| wanted(&system.terms[*k])).collect();
+            let terms = linear_terms_with(system, order);
             row_sums(system, u, window, order, |system, field, component, sums| {
-                let (stride, n) = (system.fields[field].n_components, sums.len());
-                let range = system.range(field).expect("a field with rates is solved for");
-                let own: Vec<bool> =
-                    (0..n).map(|d| range.contains(&d) && (d - range.start) % stride == component).collect();
+                let (is_own, n) = (own(system, field, component), sums.len());
+                let own: Vec<bool> = (0..n).map(is_own).collect();
                 let sign = |d: usize| match order {
                     RateOrder::Second => f64::from(u8::from(own[d])),
                     RateOrder::First if self.damping[d] <= 0.0 || sums[d] == 0.0 => 0.0,

@@ -302,12 +302,6 @@ impl Rates {
         self.join();
     }
 
-    /// The scalars are these, the rates those that are kept: for the mass of the equations.
-    pub fn probe(&mut self, factors: RateFactors) {
-        self.hold();
-        self.factors = factors;
-    }
-
     /// Whether the rates at the end of a step are other than those its equations are written with: they stand within the step,
     /// or terms see no second rates in them, or those of nodes without mass are made of values.
     #[must_use]

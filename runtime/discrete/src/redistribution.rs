@@ -18,10 +18,10 @@ use wfl_sparse::csr::Csr;
 use crate::{
     assemble::AssembledTerm,
     field::{Field, FieldSpace},
-    lumped::{has_a_mass_of_its_own, reads},
-    rates::{RateFactors, Rates, Scheme},
+    lumped::has_a_mass_of_its_own,
+    rates::{Rates, Scheme},
     space::Space,
-    system::{Redistribution, System, SystemError},
+    system::{Branches, InRates, Redistribution, System, SystemError},
 };
 use wfl_compiler::types::{RateForm, RateOrder};
 
@@ -77,12 +77,12 @@ impl<E: Into<SystemError>> From<E> for Unmovable {
     }
 }
 
-/// What takes the mass from nodes: `nodes` gives those of a field, sorted. The rates of the system are left zero.
+/// What takes the mass from nodes: `nodes` gives those of a field, sorted.
 ///
 /// # Errors
 /// [`Unmovable`] says what stands against it.
 pub fn redistribution(system: &mut System, nodes: &dyn Fn(&Field) -> Vec<u32>) -> Result<Redistribution, Unmovable> {
-    let inertia = |t: &AssembledTerm| reads(t, RateOrder::Second);
+    let inertia = |t: &AssembledTerm| t.law.reads_rates(RateOrder::Second);
     if let Some(term) = system.terms.iter().position(|t| inertia(t) && !has_a_mass_of_its_own(t)) {
         return Err(Unmovable::Mixed { term });
     }
@@ -113,8 +113,8 @@ pub fn redistribution(system: &mut System, nodes: &dyn Fn(&Field) -> Vec<u32>) -
         return Err(Unmovable::Turning { term });
     }
     let inertial: Vec<usize> = (0..system.terms.len()).filter(|k| inertia(&system.terms[*k])).collect();
-    let acceleration = RateFactors { acceleration: 1.0, ..RateFactors::default() };
-    let [left, difference] = redistributed(&of_rates(system, &inertial, acceleration)?, &carriers)?;
+    let mass = of_rates(system, RateOrder::Second, &inertial)?;
+    let [left, difference] = redistributed(&mass, &carriers)?;
     Ok(Redistribution::new(left, difference, relieved))
 }
 
@@ -125,7 +125,7 @@ fn on_faces(system: &System, relieved: &[bool]) -> Option<usize> {
         term.for_each_entity(|rows, _| acts |= rows.iter().any(|d| relieved[*d as usize]));
         acts
     };
-    system.terms.iter().position(|t| reads(t, RateOrder::Second) && !t.on_cells() && acts_there(t))
+    system.terms.iter().position(|t| t.law.reads_rates(RateOrder::Second) && !t.on_cells() && acts_there(t))
 }
 
 /// By relieved node its carriers with their weights; the position of a node that has none.
@@ -210,12 +210,11 @@ fn turning(system: &mut System, relieved: &[bool]) -> Result<Option<usize>, Syst
     let second = system.rates().into_iter().flat_map(Rates::fields).filter(|of| of.form == RateForm::Second);
     let ranges: Vec<_> = second.map(|of| of.dofs.clone()).collect();
     let moves = |dof: usize| ranges.iter().any(|range| range.contains(&dof));
-    let velocity = RateFactors { velocity: 1.0, ..RateFactors::default() };
     for term in 0..system.terms.len() {
-        if !reads(&system.terms[term], RateOrder::First) {
+        if !system.terms[term].law.reads_rates(RateOrder::First) {
             continue;
         }
-        let made = of_rates(system, &[term], velocity)?;
+        let made = of_rates(system, RateOrder::First, &[term])?;
         let beside = (0..made.n_rows()).filter(|row| relieved[*row]);
         let is_skew = |row: usize| {
             let columns = made.row(row).0.iter().map(|column| *column as usize);
@@ -229,32 +228,11 @@ fn turning(system: &mut System, relieved: &[bool]) -> Result<Option<usize>, Syst
     Ok(None)
 }
 
-/// The derivative of some terms in the rates, by dof in the axes of the scene: in the second ones it is the mass matrix.
-fn of_rates(system: &mut System, wanted: &[usize], of: RateFactors) -> Result<Csr, SystemError> {
-    let mut at = |factor: f64| {
-        if let Some(rates) = system.rates_mut() {
-            rates.probe(RateFactors { acceleration: factor * of.acceleration, velocity: factor * of.velocity, ..of });
-        }
-        system.set_laws(system.step());
-        system.tangent_of(wanted)
-    };
-    let without = at(0.0)?;
-    let mut made = at(1.0)?;
-    // where a term has a stiffness, too, the other has to be large enough beside it not to be lost in its rounding
-    let mut factor = 1.0;
-    if without.max_abs() > 0.0 {
-        let beside = made.values().iter().zip(without.values()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        if beside > 0.0 {
-            factor = (without.max_abs() / (f64::EPSILON * beside)).log2().ceil().exp2();
-        } else {
-            factor = without.max_abs() / f64::EPSILON;
-        }
-        made = at(factor)?;
-    }
-    system.hold_rates();
-    system.set_laws(system.step());
-    made.values_mut().iter_mut().zip(without.values()).for_each(|(a, b)| *a = (*a - b) / factor);
-    Ok(made)
+/// The derivative of some terms in the rates of an order where nothing has moved, by dof in the axes of the scene: in the second
+/// ones it is the mass matrix.
+fn of_rates(system: &mut System, order: RateOrder, terms: &[usize]) -> Result<Csr, SystemError> {
+    let zero = vec![0.0; system.numbering.n_dofs];
+    system.matrix_of_rates(InRates { order, terms, at: &zero, branches: Branches::AsWritten })
 }
 
 /// S'MS and S'MS - M, where S takes the value of a dof with carriers from them.

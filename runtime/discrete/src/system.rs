@@ -30,6 +30,7 @@ mod operator;
 mod past;
 mod places;
 mod positions;
+mod rate_forms;
 mod residual;
 mod shared;
 mod sizes;
@@ -52,6 +53,8 @@ pub use past::{PastForm, is_affine_in_the_past, is_of_rates, readings, stays};
 use places::Places;
 use places::SceneAxes;
 use positions::Placed;
+pub use rate_forms::InRates;
+use rate_forms::RateForms;
 pub use residual::Residual;
 use shared::Counts;
 use sizes::meeting_fields;
@@ -122,6 +125,8 @@ pub struct System {
     /// The derivatives of terms whose constants are made by matrices, and these once they are assembled.
     past_forms: Vec<PastForm>,
     past_matrices: Option<Arc<PastMatrices>>,
+    /// The derivatives of terms in rates, as far as they have been asked for.
+    rate_forms: RateForms,
     /// By field: the first field of those whose forces meet on interfaces.
     meets: Vec<usize>,
     bodies: bodies::Found,
@@ -185,6 +190,7 @@ impl System {
             steady: None,
             past_forms: Vec::new(),
             past_matrices: None,
+            rate_forms: RateForms::default(),
             meets,
             bodies: bodies::Found::new(),
             extent,
@@ -207,6 +213,7 @@ impl System {
     /// Gives terms their frozen forms; their branches are fields numbered behind those of the scene.
     pub fn add_frozen(&mut self, frozen: Vec<FrozenTerm>) {
         self.frozen = frozen;
+        self.rate_forms.clear();
         self.forget_places();
     }
 

@@ -10,10 +10,9 @@ use std::ops::Range;
 
 use wfl_compiler::{
     Class, TermLaw,
-    types::{InputSlot, RateForm, RateOrder},
+    types::{RateForm, RateOrder},
 };
 use wfl_discrete::{
-    assemble::AssembledTerm,
     lumped::Lumped,
     rates::Rates,
     system::{FIXED, System},
@@ -197,10 +196,6 @@ pub(super) fn moving(rates: Option<&Rates>) -> Vec<Range<usize>> {
     fields.filter(|of| of.form == RateForm::Second).map(|of| of.dofs.clone()).collect()
 }
 
-fn has_inertia(term: &AssembledTerm) -> bool {
-    term.law.inputs.iter().any(|slot| matches!(slot, InputSlot::History(RateOrder::Second, _)))
-}
-
 /// Forces and kinetic energy at the end `u` of a step, with the rates there.
 fn forces(kinds: Kinds, scene: &mut Solving<'_>, window: Window, u: &[f64]) -> Result<Forces, NewtonError> {
     let Solving { system, scene, .. } = scene;
@@ -229,71 +224,36 @@ fn forces_at_end(scene: &Scene, system: &mut System, kinds: &KindsOfTerms, at: A
     // without accelerations a term with inertia gives what else stands in it
     take(system.rates_mut(), &zero);
     system.set_laws(window);
+    let has_inertia = |k: &usize| system.terms[*k].law.reads_rates(RateOrder::Second);
+    let inertial: Vec<usize> = (0..system.terms.len()).filter(has_inertia).collect();
     let mut by_term = vec![zero.clone(); kinds.count + 1];
-    let (mut total, mut inertia) = (zero.clone(), zero.clone());
+    let mut total = zero.clone();
     for k in 0..system.terms.len() {
         let mut force = zero.clone();
         system.term_residual(k, u, &mut force)?;
         by_term[kinds.by_term[k]].iter_mut().zip(&force).for_each(|(a, b)| *a += b);
-        total.iter_mut().zip(&force).for_each(|(a, b)| *a += b);
-        if has_inertia(&system.terms[k]) {
-            inertia.iter_mut().zip(&force).for_each(|(a, b)| *a += b);
+        if explicit.is_some() || !inertial.contains(&k) {
+            total.iter_mut().zip(&force).for_each(|(a, b)| *a += b);
         }
     }
     if let Some(explicit) = explicit {
         let kinetic = on_the_diagonal(&explicit.lumped, system, window, [&first, &second], &mut total);
         return Ok(Forces { by_term, total, kinetic });
     }
-    let [momentum, inertial] = of_mass(system, u, [&first, &inertia], [&first, &second])?;
-    total.iter_mut().zip(&inertial).for_each(|(a, b)| *a += b);
+    take(system.rates_mut(), &second);
+    for k in inertial {
+        system.term_residual(k, u, &mut total)?;
+    }
+    system.add_redistributed(&second, &mut total);
     system.numbering.turn(&mut total);
-    let kinetic = 0.5 * system.team().total(first.iter().zip(&momentum).map(|(v, p)| v * p).sum());
+    let kinetic = kinetic_of(system, u, &first)?;
     Ok(Forces { by_term, total, kinetic })
 }
 
-/// By dof the products of the mass with some accelerations, at the end `u` of a step with the velocities `first`; `rest` is what else
-/// stands in the terms with inertia there. The laws are set.
-fn of_mass<const N: usize>(
-    system: &mut System,
-    u: &[f64],
-    [first, rest]: [&[f64]; 2],
-    accelerations: [&[f64]; N],
-) -> Result<[Vec<f64>; N], NewtonError> {
-    let mut all = [const { Vec::new() }; N];
-    for (out, acceleration) in all.iter_mut().zip(accelerations) {
-        if let Some(rates) = system.rates_mut() {
-            rates.take(first, acceleration);
-        }
-        *out = vec![0.0; u.len()];
-        for k in (0..system.terms.len()).filter(|k| has_inertia(&system.terms[*k])) {
-            system.term_residual(k, u, out)?;
-        }
-        out.iter_mut().zip(rest).for_each(|(a, b)| *a -= b);
-        system.add_redistributed(acceleration, out);
-    }
-    Ok(all)
-}
-
-/// The kinetic energy of some velocities by dof, at the end `u` of a step.
-pub(super) fn kinetic_of(
-    system: &mut System,
-    window: Window,
-    u: &[f64],
-    velocities: &[f64],
-) -> Result<f64, NewtonError> {
-    let zero = vec![0.0; u.len()];
-    system.with_other_rates(window, |system| {
-        if let Some(rates) = system.rates_mut() {
-            rates.take(&zero, &zero);
-        }
-        system.set_laws(window);
-        let mut rest = zero.clone();
-        for k in (0..system.terms.len()).filter(|k| has_inertia(&system.terms[*k])) {
-            system.term_residual(k, u, &mut rest)?;
-        }
-        let [momentum] = of_mass(system, u, [&zero, &rest], [velocities])?;
-        Ok(0.5 * system.team().total(velocities.iter().zip(&momentum).map(|(v, p)| v * p).sum()))
-    })
+/// The kinetic energy of some velocities by dof, at the unknowns `u`. The laws are set.
+pub(super) fn kinetic_of(system: &mut System, u: &[f64], velocities: &[f64]) -> Result<f64, NewtonError> {
+    let momentum = system.mass_times(u, velocities)?;
+    Ok(0.5 * system.team().total(velocities.iter().zip(&momentum).map(|(v, p)| v * p).sum()))
 }
 
 /// The kinetic energy of explicit steps; adds inertia to the sum of the other forces by dof in the axes of the scene, which

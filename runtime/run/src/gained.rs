@@ -92,7 +92,7 @@ impl Gained {
         let mut part = of(gained);
         if part > allowed {
             let kinetic = self.balance.kinetic[1].max(balance.kinetic[1]);
-            part = of((gained - rounding_of_motion(scene.system, window, u, kinetic)?).max(0.0));
+            part = of((gained - rounding_of_motion(scene.system, u, kinetic)?).max(0.0));
         }
         Ok((Self { balance, largest }, part))
     }
@@ -117,7 +117,7 @@ impl Gained {
 
 /// What rounding of the unknowns makes of a kinetic energy at the end `u` of a step: that of the velocities which it is, and of
 /// these together with those that are there (Cauchy and Schwarz).
-fn rounding_of_motion(system: &mut System, window: Window, u: &[f64], kinetic: f64) -> Result<f64, NewtonError> {
+fn rounding_of_motion(system: &mut System, u: &[f64], kinetic: f64) -> Result<f64, NewtonError> {
     let Some((rates, past)) = system.rates().zip(system.past()) else { return Ok(0.0) };
     // unknowns whose forces meet are rounded as one, whether they are one field or several
     let mut most = vec![0.0; u.len()];
@@ -128,7 +128,7 @@ fn rounding_of_motion(system: &mut System, window: Window, u: &[f64], kinetic: f
     moving(Some(rates)).into_iter().flatten().for_each(|d| moved[d] += most[d]);
     let [there, here] = [&moved[..], u].map(|u| rates.ended(u, &past.unknowns)[0].clone());
     let velocities: Vec<f64> = there.iter().zip(&here).map(|(a, b)| ROUNDINGS * f64::EPSILON * (a - b)).collect();
-    let own = kinetic_of(system, window, u, &velocities)?.abs();
+    let own = kinetic_of(system, u, &velocities)?.abs();
     Ok(own + 2.0 * (own * kinetic.abs()).sqrt())
 }
 

@@ -31,7 +31,7 @@ pub enum As {
 const FIRST: [f64; 5] = [-25.0, 48.0, -36.0, 16.0, -3.0];
 /// The same times 12 and the square of the distance: the second derivative.
 const SECOND: [f64; 5] = [35.0, -104.0, 114.0, -56.0, 11.0];
-/// The rates are weighted by 2^(2 * this) in units of the first increment, so that of the equations only what multiplies
+/// The rates are weighted by 2^(2 * this) in units of the first increment, so that of constraints on them only what multiplies
 /// them is left in double precision.
 const WEIGHT: i32 = 40;
 /// What an equation without rates says of multipliers themselves counts so much more than what it says of the motion, in the units of
@@ -256,7 +256,7 @@ fn settled(
         if scene.contact.is_empty() {
             return Ok((mass, rates));
         }
-        let next = scene.contact.written_at(scene.system, &ahead_of_it);
+        let next = branches_ahead(scene, at, &ahead_of_it);
         let stays = match &set {
             Some(set) => *set == next,
             None => tangent(scene, u, at, Branches::Frozen(&next))?.values() == held.values(),
@@ -271,6 +271,24 @@ fn settled(
             return Err(NewtonError::Unsettled);
         }
     }
+}
+
+/// The branches at a state just behind the start. Rates there are known by their sign alone: the change on the way to it has the weight
+/// that rates have beside all else, and what slips or opens at all does so.
+fn branches_ahead(scene: &mut Solving<'_>, at: Window, ahead: &[f64]) -> ActiveSet {
+    let [weight, _] = weight_and_root(at);
+    let held = scene.system.step();
+    scene.contact.begin_step(at.with_rates(RateFactors { rate: weight, velocity: 0.0, acceleration: weight }));
+    let found = scene.contact.written_at(scene.system, ahead);
+    scene.contact.begin_step(held);
+    found
+}
+
+/// What rates are weighted by, and its root, in a first step.
+fn weight_and_root(at: Window) -> [f64; 2] {
+    #[expect(clippy::cast_possible_truncation, reason = "an exponent")]
+    let exponent = WEIGHT - at.increment.abs().log2().floor() as i32;
+    [2 * exponent, exponent].map(|exponent| 2.0f64.powi(exponent))
 }
 
 /// First and second rates with a change of the highest ones, and a state on the way that they lead, with the multipliers that
@@ -387,14 +405,9 @@ fn mass(
     held: &Csr,
     branches: Branches<'_>,
 ) -> Result<Mass, NewtonError> {
-    #[expect(clippy::cast_possible_truncation, reason = "an exponent")]
-    let exponent = WEIGHT - at.increment.abs().log2().floor() as i32;
-    let (weight, root) = (2.0f64.powi(2 * exponent), 2.0f64.powi(exponent));
-    if let Some(rates) = scene.system.rates_mut() {
-        rates.probe(RateFactors { rate: weight, velocity: 0.0, acceleration: weight });
-    }
-    let weighted = tangent(scene, u, at, branches)?;
-    scene.system.hold_rates();
+    let [weight, root] = weight_and_root(at);
+    let own = scene.system.mass_over_free(u, branches)?;
+    let of_rates = scene.system.whole(own).map_err(SystemError::from)?;
     let mut has_rate = vec![false; u.len()];
     for of in scene.system.rates().into_iter().flat_map(Rates::fields) {
         has_rate[of.dofs.clone()].fill(true);
@@ -407,8 +420,9 @@ fn mass(
         let dof = numbering.free_dofs[k] as usize;
         scene.system.redistribution().is_some_and(|r| r.is_relieved(dof))
     };
-    let without_mass = |k: usize| weighted.get(k, k) == held.get(k, k) || relieved(k);
+    let without_mass = |k: usize| of_rates.get(k, k) == 0.0 || relieved(k);
     let massless: Vec<bool> = (0..rated.len()).map(|k| rated[k] && without_mass(k)).collect();
+    let weighted = weighted(held, &of_rates, weight, &rated)?;
     let scale: Vec<f64> = rated.iter().map(|r| if *r { 1.0 / root } else { root }).collect();
     let symmetry = Symmetry::known(scene.system.is_symmetric() && rated.iter().all(|r| *r));
     let field_of = |k: usize| scene.system.field_of(numbering.free_dofs[k] as usize);
@@ -418,6 +432,20 @@ fn mass(
     let meets = |k: usize| massless[k] && weighted.row(k).0.iter().any(|c| !rated[*c as usize]);
     let meets_multiplier = (0..rated.len()).map(meets).collect();
     Ok(Mass { matrix, scale, factors, rated, massless, meets_multiplier, root, symmetry })
+}
+
+/// What the equations say of rates, which weigh so much, and beside it what they say of values where one of both has no rate: an
+/// equation of motion says nothing of values where all of these are known.
+fn weighted(held: &Csr, of_rates: &Csr, weight: f64, rated: &[bool]) -> Result<Csr, NewtonError> {
+    let [mut values, mut rates] = [held, of_rates].map(Csr::clone);
+    rates.values_mut().iter_mut().for_each(|value| *value *= weight);
+    let pattern = values.pattern().clone();
+    for row in (0..rated.len()).filter(|row| rated[*row]) {
+        let range = pattern.row_starts()[row]..pattern.row_starts()[row + 1];
+        let entries = values.values_mut()[range].iter_mut().zip(pattern.row(row));
+        entries.filter(|(_, column)| rated[**column as usize]).for_each(|(value, _)| *value = 0.0);
+    }
+    Ok(values.plus(&rates).map_err(SystemError::from)?)
 }
 
 /// The accelerations with a mass on the diagonal; those that are prescribed stay.

@@ -3,6 +3,7 @@
 //! Made once per term; everything that evaluation needs per batch is looked up here.
 
 use std::{
+    borrow::Borrow,
     collections::BTreeMap,
     sync::{Arc, Mutex, PoisonError},
 };
@@ -228,7 +229,12 @@ impl Binding {
     ///
     /// # Errors
     /// [`FieldError`] when a field has no dofs on an entity of the domain.
-    pub fn new(mesh: &Mesh, domain: &Domain, fields: &[Field], law: LawSlots<'_>) -> Result<Self, FieldError> {
+    pub fn new<F: Borrow<Field>>(
+        mesh: &Mesh,
+        domain: &Domain,
+        fields: &[F],
+        law: LawSlots<'_>,
+    ) -> Result<Self, FieldError> {
         let mut made = Self::fixed(mesh, domain, fields, law, Again::default())?;
         let is_assembled = !law.tests.is_empty() && has_parts(domain);
         let acting = || made.groups.iter().map(|group| group.acting(fields)).collect::<Vec<_>>();
@@ -238,7 +244,7 @@ impl Binding {
         }
         made.moving = domain.moving.as_ref().map(|_| {
             Arc::new(Rebinding {
-                fields: fields.to_vec(),
+                fields: fields.iter().map(|field| field.borrow().clone()).collect(),
                 inputs: law.inputs.to_vec(),
                 tests: law.tests.to_vec(),
                 trials: law.trials.to_vec(),
@@ -249,10 +255,10 @@ impl Binding {
     }
 
     /// The same with the images as they are.
-    fn fixed(
+    fn fixed<F: Borrow<Field>>(
         mesh: &Mesh,
         domain: &Domain,
-        fields: &[Field],
+        fields: &[F],
         law: LawSlots<'_>,
         again: Again<'_>,
     ) -> Result<Self, FieldError> {
@@ -260,7 +266,7 @@ impl Binding {
         let pairs = law.fields();
         let index: BTreeMap<(FieldId, Side), usize> = pairs.keys().enumerate().map(|(k, key)| (*key, k)).collect();
         let place = |slot: &BasisSlot| {
-            let n = fields[slot.field.index()].n_components;
+            let n = fields[slot.field.index()].borrow().n_components;
             let entry = usize::from(slot.entry);
             SlotPlace {
                 basis: index[&(slot.field, slot.side)],
@@ -292,9 +298,9 @@ impl Binding {
                 let basis = match (stays, elsewhere) {
                     (Some(basis), _) => Basis { offset, ..basis.clone() },
                     (None, Some(c)) => {
-                        Basis::at_points(&fields[c.field], *field, offset, group, &c.nodes[points.clone()])
+                        Basis::at_points(fields[c.field].borrow(), *field, offset, group, &c.nodes[points.clone()])
                     }
-                    (None, None) => basis(mesh, group, &fields[field.index()], *field, *side, *order, offset)?,
+                    (None, None) => basis(mesh, group, fields[field.index()].borrow(), *field, *side, *order, offset)?,
                 };
                 offset += basis.n_dofs();
                 bases.push(basis);
@@ -385,8 +391,9 @@ impl GroupBinding {
     }
 
     /// By field and side the functions that act; `None` where some act at some of the points alone.
-    fn acting(&self, fields: &[Field]) -> Option<Vec<Vec<u16>>> {
-        let is_nodal = |basis: &&Basis| !matches!(fields[basis.field.index()].space, FieldSpace::Points(_));
+    fn acting<F: Borrow<Field>>(&self, fields: &[F]) -> Option<Vec<Vec<u16>>> {
+        let space = |basis: &Basis| &fields[basis.field.index()].borrow().space;
+        let is_nodal = |basis: &&Basis| !matches!(space(basis), FieldSpace::Points(_));
         let of = |basis: &Basis| {
             let mut rows = basis.table.values.chunks_exact(basis.n_nodes.max(1));
             let act = |row: &[f64]| basis.support.iter().all(|i| row[usize::from(*i)].abs() > NO_VALUE);

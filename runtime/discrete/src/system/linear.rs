@@ -101,16 +101,8 @@ impl System {
         let wanted: Vec<usize> = (0..self.terms.len()).filter(|k| self.terms[*k].law.class == Class::Linear).collect();
         self.add_terms(&wanted, zero, &mut linear)?;
         self.add_redistributed_mass(&mut linear);
-        let frames = &self.numbering.frames;
-        let equations = self.numbering.equations();
-        let map = Restriction::new(linear.pattern(), &equations, self.numbering.n_free())?;
-        self.bulk = Arc::new(if frames.is_empty() {
-            map.apply(&linear)
-        } else {
-            let mut turned = linear.clone();
-            frames.turn_matrix(&mut turned, |d| d);
-            map.apply(&turned)
-        });
+        let (frames, equations) = (&self.numbering.frames, self.numbering.equations());
+        self.bulk = Arc::new(self.over_free(&linear)?);
         let as_it_is = frames.is_empty() && self.numbering.ties().is_empty();
         self.linear = Some(Arc::new(if as_it_is && !self.bulk_follows_steps() && self.redistribution.is_none() {
             LinearMatrix::BesideBulk(Outside::new(&linear, &equations)?)
@@ -118,6 +110,18 @@ impl System {
             LinearMatrix::Whole(linear)
         }));
         Ok(())
+    }
+
+    /// A matrix by dof in the axes of the scene, whose pattern has nodes with local frames whole, over the free dofs.
+    pub(crate) fn over_free(&self, matrix: &Csr) -> Result<Csr, CsrError> {
+        let numbering = &self.numbering;
+        let map = Restriction::new(matrix.pattern(), &numbering.equations(), numbering.n_free())?;
+        if numbering.frames.is_empty() {
+            return Ok(map.apply(matrix));
+        }
+        let mut turned = matrix.clone();
+        numbering.frames.turn_matrix(&mut turned, |d| d);
+        Ok(map.apply(&turned))
     }
 
     /// Products and sizes of the matrix of the linear terms: `p = K d`, `s = |K| |d|`, and `t = |K| |x|` where `x` is given.
@@ -172,18 +176,36 @@ impl System {
     fn linear_pattern(&self) -> Result<Arc<Pattern>, CsrError> {
         let (n, frames) = (self.numbering.n_dofs, &self.numbering.frames);
         let own = pattern(self.linear_terms(), n, frames, |d| d, self.share.as_deref())?;
-        let Some(redistribution) = &self.redistribution else { return Ok(own.pattern().clone()) };
-        let difference = &redistribution.difference;
+        match &self.redistribution {
+            Some(redistribution) => {
+                Ok(Arc::new(own.pattern().union(&self.pattern_with_nodes(&redistribution.difference)?)?))
+            }
+            None => Ok(own.pattern().clone()),
+        }
+    }
+
+    /// The pattern of a matrix by dof, with nodes that have local frames whole: the rows of this rank.
+    fn pattern_with_nodes(&self, matrix: &Csr) -> Result<Pattern, CsrError> {
+        let (n, frames) = (self.numbering.n_dofs, &self.numbering.frames);
         let mut builder = PatternBuilder::new(n, n);
         let (mut rows, mut columns) = (Vec::new(), Vec::new());
-        for (row, number) in (0..n).zip(0u32..).filter(|(row, _)| !difference.row(*row).0.is_empty()) {
+        for (row, number) in (0..n).zip(0u32..).filter(|(row, _)| !matrix.row(*row).0.is_empty()) {
             // turning a node mixes its rows and its columns
             frames.complete([number].iter(), &mut rows);
-            frames.complete(difference.row(row).0.iter(), &mut columns);
+            frames.complete(matrix.row(row).0.iter(), &mut columns);
             rows.retain(|row| self.owns(*row as usize));
             builder.add_coupling(&rows, &columns);
         }
-        Ok(Arc::new(own.pattern().union(&builder.build()?)?))
+        builder.build()
+    }
+
+    /// The mass that is left where some nodes gave theirs away, by dof in the axes of the scene, with nodes that have local frames
+    /// whole: the rows of this rank.
+    pub(super) fn redistributed_mass(&self) -> Result<Option<Csr>, CsrError> {
+        let Some(redistribution) = &self.redistribution else { return Ok(None) };
+        let mut made = Csr::zeros(Arc::new(self.pattern_with_nodes(&redistribution.mass)?));
+        self.add_own_rows(&redistribution.mass, 1.0, &mut made);
+        Ok(Some(made))
     }
 
     /// Takes the mass from some nodes, from now on.
@@ -209,12 +231,17 @@ impl System {
         let parts =
             [(&redistribution.mass, rates.factor_apart()), (&redistribution.difference, rates.factors().acceleration)];
         for (matrix, factor) in parts.into_iter().filter(|(_, factor)| *factor != 0.0) {
-            for row in (0..matrix.n_rows()).filter(|row| self.owns(*row)) {
-                let (columns, values) = matrix.row(row);
-                for (column, value) in columns.iter().zip(values) {
-                    let has_place = linear.add_to(row, *column as usize, factor * value);
-                    debug_assert!(has_place, "the pattern has the entries of the mass");
-                }
+            self.add_own_rows(matrix, factor, linear);
+        }
+    }
+
+    /// Adds the rows of this rank of a matrix by dof, times a factor.
+    fn add_own_rows(&self, matrix: &Csr, factor: f64, to: &mut Csr) {
+        for row in (0..matrix.n_rows()).filter(|row| self.owns(*row)) {
+            let (columns, values) = matrix.row(row);
+            for (column, value) in columns.iter().zip(values) {
+                let has_place = to.add_to(row, *column as usize, factor * value);
+                debug_assert!(has_place, "the pattern has the entries of the mass");
             }
         }
     }

@@ -8,7 +8,6 @@ use std::sync::Arc;
 use super::System;
 use crate::{
     field::FieldSpace,
-    lumped::reads,
     rates::{FieldRates, Rates},
 };
 use wfl_compiler::types::{RateForm, RateOrder};
@@ -50,7 +49,7 @@ impl System {
     /// By dof whether inertia acts on it; a node that follows another shares its own.
     fn where_masses_are(&self) -> Vec<bool> {
         let mut has_mass = vec![false; self.numbering.n_dofs];
-        for term in self.terms.iter().filter(|term| reads(term, RateOrder::Second)) {
+        for term in self.terms.iter().filter(|term| term.law.reads_rates(RateOrder::Second)) {
             term.for_each_entity(|rows, _| rows.iter().for_each(|d| has_mass[*d as usize] = true));
         }
         if let Some(redistribution) = self.redistribution() {

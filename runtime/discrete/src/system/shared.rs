@@ -89,6 +89,7 @@ impl System {
         for term in self.terms.iter_mut().chain(self.frozen.iter_mut().map(|f| &mut f.form)).chain(past) {
             term.forget_share();
         }
+        self.rate_forms.clear();
     }
 
     /// A part of the mesh has not all faces of its copies: what moves them says their owner.
