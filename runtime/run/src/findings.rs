@@ -64,7 +64,8 @@ const CHECKS: &[Check] = &[
         codes: &[Code::W618],
         look: |run| {
             let unestimated = run.run.unestimated(run.scene).filter(|_| run.is_done);
-            run.run.forced(run.scene).into_iter().chain(unestimated).collect()
+            let unresolved = run.run.unresolved(run.scene);
+            run.run.forced(run.scene).into_iter().chain(unestimated).chain(unresolved).collect()
         },
     },
     Check { codes: &[Code::W619], look: |run| run.run.unlimited(run.scene).into_iter().collect() },

@@ -42,8 +42,8 @@ impl Integrators {
 
     /// Takes the end of a step, with its states, as what later ones are expected from.
     pub(super) fn remember(&mut self, scene: &Solving<'_>, increment: f64, u: &[f64]) {
-        if let Some((adaptive, rules)) = self.adaptive.as_mut().zip(scene.steps.auto.as_ref()) {
-            adaptive.add(scene, rules, increment, u);
+        if let Some(adaptive) = self.adaptive.as_mut() {
+            adaptive.add(scene, increment, u);
         }
     }
 }

@@ -189,6 +189,22 @@ impl Run {
         Some(d.help("a smaller `first`, well below the shortest time of the scene"))
     }
 
+    /// W618 for a field whose values are too large beside what changes of them: rounding is more than the demanded error.
+    pub(super) fn unresolved(&self, scene: &Scene) -> Option<Diagnostic> {
+        let (rules, adaptive) = scene.steps.auto.as_ref().zip(self.integrators.adaptive.as_ref())?;
+        let found = adaptive.unresolved(scene, rules)?;
+        let name = &scene.system.fields[found.field].name;
+        let text = format!(
+            "of what changes of `{name}` {:.0e} is no error of steps but rounding, more than the demanded {:e}",
+            found.part, rules.error
+        );
+        let d = Diagnostic::new(Code::W618, text).at_or_note(
+            scene.place_of_field(name),
+            "its values, or what cancels in its equations, are too large beside its changes",
+        );
+        Some(d.help("an unknown that is the difference from the start, or a larger `error`"))
+    }
+
     /// W619 for states behind which `limit` was no positive number.
     pub(super) fn unlimited(&self, scene: &Scene) -> Option<Diagnostic> {
         let rules = scene.steps.auto.as_ref().filter(|rules| rules.limit.is_some())?;
