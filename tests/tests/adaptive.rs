@@ -206,7 +206,7 @@ fn backward_euler_takes_as_many_steps_as_a_method_of_first_order() {
     let mut found = Vec::new();
     for error in ["1e-3", "1e-4", "1e-5", "1e-6"] {
         let steps = format!("scheme backward_euler\nsteps t = 0 to 10 by auto with error={error}");
-        let outcome = outcome(&forced(1.0, &steps));
+        let outcome = outcome(&forced_from(0.0, 1.0, &steps));
         found.push((largest_error(&outcome, 1.0), outcome.steps.len()));
     }
     // the error of all steps of a method of order p is that of one step to the power p/(p+1), and so is 1/steps
