@@ -29,6 +29,9 @@ const NOISE: f64 = 0.1;
 /// A tolerance above that of Newton's method where a scene names none is a demand of that scene: what it leaves is an error.
 const NO_MORE: f64 = DEFAULT_TOLERANCE;
 
+/// The largest error of a step, as a part of what happens beside a uniform flight, that is not told: results of one step of it have two digits.
+const SEEN: f64 = 1e-2;
+
 /// An error, in units of the demanded one, that holds the next increment below twice this one: 0.9/sqrt(0.2) is 2.
 const HOLDS: f64 = 0.2;
 /// After so many steps in a row whose errors hold the increments it is asked whether these are errors: that takes about as long as
@@ -96,8 +99,10 @@ pub(super) struct Adaptive {
     pub(super) past: Past,
     /// The solution with which the run started, as those in `past`; empty before there is one.
     pub(super) start: Vec<f64>,
-    /// By field of the scene its largest change since then, at any value of the step variable.
-    pub(super) changes: Vec<f64>,
+    /// By dof the velocity of the uniform motion with which the run started; empty without inertia.
+    pub(super) course: Vec<f64>,
+    /// By field of the scene its largest change since then, at any value of the step variable; and the same beside the uniform motion.
+    pub(super) changes: [Vec<f64>; 2],
     /// The relative residuals that Newton's method has left of the solutions in `past`, in their order.
     pub(super) left: Vec<f64>,
     pub(super) uncertainty: Uncertainty,
@@ -111,7 +116,8 @@ impl Adaptive {
             control: Control::new(rules),
             past: Past::default(),
             start: Vec::new(),
-            changes: Vec::new(),
+            course: Vec::new(),
+            changes: [Vec::new(), Vec::new()],
             left: Vec::new(),
             uncertainty: Uncertainty::default(),
             gained: None,
@@ -133,6 +139,7 @@ impl Adaptive {
         let solution = joined(u, scene.states.iter().map(|s| scene.system.data()[s.field].as_slice()));
         if self.start.is_empty() {
             self.start.clone_from(&solution);
+            self.course = course(scene);
         }
         self.changes = self.changes_until(scene, &solution);
         self.past.add(increment, solution, most_order(scene) + 1);
@@ -259,19 +266,28 @@ impl Adaptive {
         fields.iter().zip(&lags).map(part).fold(0.0, f64::max).powi(2) / rules.error
     }
 
-    /// By field its largest change since the start, that of this solution included.
-    fn changes_until(&self, scene: &Solving<'_>, solution: &[f64]) -> Vec<f64> {
-        let fields = 0..scene.system.fields.len();
-        let mut changes: Vec<f64> = fields.map(|k| distance(solution, &self.start, range(scene, k))).collect();
-        scene.system.team().max(&mut changes);
-        changes.iter_mut().zip(&self.changes).for_each(|(change, before)| *change = change.max(*before));
+    /// By field its largest change since the start, that of this solution included: of the values, and beside the motion of the start.
+    fn changes_until(&self, scene: &Solving<'_>, solution: &[f64]) -> [Vec<f64>; 2] {
+        let fields = || 0..scene.system.fields.len();
+        let all: Vec<f64> = fields().map(|k| distance(solution, &self.start, range(scene, k))).collect();
+        let elapsed = scene.system.step().end - scene.steps.first();
+        let flown: Vec<f64> = self.course.iter().zip(&self.start).map(|(rate, from)| from + rate * elapsed).collect();
+        let beside = match flown.is_empty() {
+            true => all.clone(),
+            false => fields().map(|k| distance(solution, &flown, range(scene, k))).collect(),
+        };
+        let mut changes = [all, beside];
+        for (changes, before) in changes.iter_mut().zip(&self.changes) {
+            scene.system.team().max(changes);
+            changes.iter_mut().zip(before).for_each(|(change, before)| *change = change.max(*before));
+        }
         changes
     }
 
     /// By field its largest change since the start, or that of one of the same unit and size: a body at rest that another
     /// one meets has its first displacement, which is small beside that of the other, as one body of one field would have.
     fn changes_of_alike(&self, scene: &Solving<'_>, solution: &[f64]) -> Vec<f64> {
-        let (system, own) = (&scene.system, self.changes_until(scene, solution));
+        let (system, own) = (&scene.system, counted(scene, &self.changes_until(scene, solution)));
         let among = |field: usize| {
             let alike = own.iter().enumerate().filter(|(other, _)| system.alike(*other) == system.alike(field));
             alike.fold(0.0f64, |most, (_, change)| most.max(*change))
@@ -292,9 +308,10 @@ impl Adaptive {
 
     /// The first field that counts of which more than the demanded part of its change was no error of steps but rounding; fields of
     /// which all is that, as the slip of what sticks, are none.
-    pub(super) fn unresolved(&self, scene: &Scene, rules: &Auto) -> Option<Unresolved> {
+    pub(super) fn unresolved(&self, scene: &Solving<'_>, rules: &Auto) -> Option<Unresolved> {
+        let changes = counted(scene, &self.changes);
         let of = |(k, field, excused): (usize, &usize, &f64)| {
-            let change = *self.changes.get(*field)?;
+            let change = *changes.get(*field)?;
             let (part, own) = (excused / change, self.uncertainty.sizes.get(k).copied().unwrap_or(0.0));
             // what an unknown has changed by counts once that is more than the rounding of its values; a state may be a difference
             let is_state = scene.states.iter().any(|state| state.field == *field);
@@ -304,6 +321,20 @@ impl Adaptive {
         };
         let fields = rules.fields.iter().zip(&self.uncertainty.excused).enumerate();
         fields.map(|(k, (field, excused))| (k, field, excused)).find_map(of)
+    }
+
+    /// The first field that counts whose change is so much flight that the demanded part of it is more than [`SEEN`] of what is beside the
+    /// flight, and that part.
+    pub(super) fn in_flight(&self, scene: &Solving<'_>, rules: &Auto) -> Option<Unresolved> {
+        let [all, beside] = &self.changes;
+        let counts = counted(scene, &self.changes);
+        let of = |field: &usize| {
+            let (change, beside) = (counts.get(*field)?, *beside.get(*field)?);
+            let part = rules.error * change / beside;
+            let is_noise = beside <= ROUNDED_MOTION * f64::EPSILON * all[*field];
+            (part > SEEN && !is_noise).then_some(Unresolved { field: *field, part })
+        };
+        rules.fields.iter().find_map(of)
     }
 }
 
@@ -329,6 +360,36 @@ fn most_order(scene: &Solving<'_>) -> usize {
         Scheme::BackwardEuler => 1,
         scheme => rates.fields().iter().map(|of| scheme.most_order(of.form)).fold(2, usize::max),
     })
+}
+
+/// By dof the velocity, that in the middle of those of its field and component, with which the run starts.
+fn course(scene: &Solving<'_>) -> Vec<f64> {
+    let system = &scene.system;
+    let has_inertia = |rates: &&Rates| rates.fields().iter().any(|of| of.form == RateForm::Second);
+    let Some(rates) = system.rates().filter(has_inertia) else { return Vec::new() };
+    let mut course = vec![0.0; system.numbering.n_dofs];
+    for of in rates.fields().iter().filter(|of| of.form == RateForm::Second) {
+        let component = |dof: usize| system.numbering.describe(&system.fields, dof).2;
+        let mut ends = vec![f64::NEG_INFINITY; 2 * system.fields[of.field].n_components];
+        for (dof, rate) in of.dofs.clone().zip(&of.kept[0]) {
+            for (end, rate) in ends[2 * component(dof)..].iter_mut().zip([*rate, -rate]) {
+                *end = end.max(rate);
+            }
+        }
+        system.team().max(&mut ends);
+        of.dofs.clone().for_each(|dof| course[dof] = 0.5 * (ends[2 * component(dof)] - ends[2 * component(dof) + 1]));
+    }
+    course.resize(course.len() + scene.states.iter().map(|s| system.data()[s.field].len()).sum::<usize>(), 0.0);
+    course
+}
+
+/// By field the change that errors are relative to. A vibration in uniform flight is as exact as one at rest; where a law is not linear, as
+/// one of contact, the flight itself is what happens, and what is beside it begins from zero with the contact.
+fn counted(scene: &Solving<'_>, [all, beside]: &[Vec<f64>; 2]) -> Vec<f64> {
+    match scene.system.is_linear() {
+        true => all.iter().zip(beside).map(|(all, beside)| all.min(*beside)).collect(),
+        false => all.clone(),
+    }
 }
 
 /// Where a field lies in a solution; nowhere, if it is neither an unknown nor a state.
