@@ -430,6 +430,7 @@ fn adaptive(w: &mut Writer, a: Option<&Adaptive>) {
     w.count(order as usize);
     w.flag(failed);
     w.numbers(&a.start);
+    w.numbers(&a.solved);
     w.numbers(&a.course);
     a.changes.iter().for_each(|changes| w.numbers(changes));
     w.numbers(&a.left);
@@ -450,14 +451,15 @@ fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
     }
     let [next, allowed, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let control = Control { next, order: r.small()?, last: [allowed, increment], failed: r.flag()? };
-    let (start, course, changes) = (r.numbers()?, r.numbers()?, [r.numbers()?, r.numbers()?]);
+    let (start, solved, course) = (r.numbers()?, r.numbers()?, r.numbers()?);
+    let changes = [r.numbers()?, r.numbers()?, r.numbers()?];
     let left = r.numbers()?;
     let uncertainty = Uncertainty { sizes: r.numbers()?, held: r.count()?, explains: r.flag()?, excused: r.numbers()? };
     let past = Past { increments: r.numbers()?, solutions: r.list(Reader::numbers)? };
     let balance = read_balance(r)?;
     let [largest] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let gained = balance.map(|balance| Gained { balance, largest });
-    Ok(Some(Adaptive { control, past, start, course, changes, left, uncertainty, gained }))
+    Ok(Some(Adaptive { control, past, start, solved, course, changes, left, uncertainty, gained }))
 }
 
 fn balance(w: &mut Writer, b: Option<&Balance>) {

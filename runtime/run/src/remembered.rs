@@ -97,12 +97,14 @@ pub(super) struct Adaptive {
     pub(super) control: Control,
     /// Unknowns, and states behind them.
     pub(super) past: Past,
-    /// The solution with which the run started, as those in `past`; empty before there is one.
+    /// The solution with which the run started, as those in `past`, and the first that was solved; empty before there is one.
     pub(super) start: Vec<f64>,
+    pub(super) solved: Vec<f64>,
     /// By dof the velocity of the uniform motion with which the run started; empty without inertia.
     pub(super) course: Vec<f64>,
-    /// By field of the scene its largest change since then, at any value of the step variable; and the same beside the uniform motion.
-    pub(super) changes: [Vec<f64>; 2],
+    /// By field of the scene its largest change since the start, at any value of the step variable; the same beside the uniform motion; and
+    /// that since the first step.
+    pub(super) changes: [Vec<f64>; 3],
     /// The relative residuals that Newton's method has left of the solutions in `past`, in their order.
     pub(super) left: Vec<f64>,
     pub(super) uncertainty: Uncertainty,
@@ -116,8 +118,9 @@ impl Adaptive {
             control: Control::new(rules),
             past: Past::default(),
             start: Vec::new(),
+            solved: Vec::new(),
             course: Vec::new(),
-            changes: [Vec::new(), Vec::new()],
+            changes: [Vec::new(), Vec::new(), Vec::new()],
             left: Vec::new(),
             uncertainty: Uncertainty::default(),
             gained: None,
@@ -140,6 +143,14 @@ impl Adaptive {
         if self.start.is_empty() {
             self.start.clone_from(&solution);
             self.course = course(scene);
+            // where time starts nothing is solved
+            if scene.steps.from_start {
+                self.changes = self.changes_until(scene, &solution);
+                return self.past.add(increment, solution, most_order(scene) + 1);
+            }
+        }
+        if self.solved.is_empty() {
+            self.solved.clone_from(&solution);
         }
         self.changes = self.changes_until(scene, &solution);
         self.past.add(increment, solution, most_order(scene) + 1);
@@ -248,12 +259,13 @@ impl Adaptive {
     /// unknown, since a lag needs no past of its own.
     ///
     /// It is there at the end of every step and does not add up, as the errors of steps do: those of a method of first order, each
-    /// of the demanded size, add up to about the root of it. So much unknowns may lag: of what they have changed since the start, and
-    /// would change until the end at `left` from here if what they lag by in each increment went on. In the first steps a lag is
-    /// all that has changed.
+    /// of the demanded size, add up to about the root of it. So much unknowns may lag: of what they have changed since the first step
+    /// (a load that is there at once makes a jump of that), and would change until the end if what they lag by in each increment went
+    /// on. In the first steps a lag is all that has changed.
     pub(super) fn of_lag(&self, scene: &Solving<'_>, rules: &Auto, solution: &[f64], lag: &Lag) -> f64 {
         let system = &scene.system;
-        let all_changes = self.changes_of_alike(scene, solution);
+        let [_, _, since] = self.changes_until(scene, solution);
+        let all_changes = among_alike(scene, &since);
         let fields: Vec<usize> = (0..system.fields.len()).filter(|field| system.range(*field).is_some()).collect();
         let most = |field: &usize| largest(&lag.unknowns[range(scene, *field)]);
         let mut lags: Vec<f64> = fields.iter().map(most).collect();
@@ -266,17 +278,17 @@ impl Adaptive {
         fields.iter().zip(&lags).map(part).fold(0.0, f64::max).powi(2) / rules.error
     }
 
-    /// By field its largest change since the start, that of this solution included: of the values, and beside the motion of the start.
-    fn changes_until(&self, scene: &Solving<'_>, solution: &[f64]) -> [Vec<f64>; 2] {
-        let fields = || 0..scene.system.fields.len();
-        let all: Vec<f64> = fields().map(|k| distance(solution, &self.start, range(scene, k))).collect();
+    /// By field its largest changes, those of this solution included, as [`Self::changes`].
+    fn changes_until(&self, scene: &Solving<'_>, solution: &[f64]) -> [Vec<f64>; 3] {
+        let from = |origin: &[f64]| -> Vec<f64> {
+            (0..scene.system.fields.len()).map(|k| distance(solution, origin, range(scene, k))).collect()
+        };
+        let all = from(&self.start);
         let elapsed = scene.system.step().end - scene.steps.first();
         let flown: Vec<f64> = self.course.iter().zip(&self.start).map(|(rate, from)| from + rate * elapsed).collect();
-        let beside = match flown.is_empty() {
-            true => all.clone(),
-            false => fields().map(|k| distance(solution, &flown, range(scene, k))).collect(),
-        };
-        let mut changes = [all, beside];
+        let beside = if flown.is_empty() { all.clone() } else { from(&flown) };
+        let since = if self.solved.is_empty() { vec![0.0; all.len()] } else { from(&self.solved) };
+        let mut changes = [all, beside, since];
         for (changes, before) in changes.iter_mut().zip(&self.changes) {
             scene.system.team().max(changes);
             changes.iter_mut().zip(before).for_each(|(change, before)| *change = change.max(*before));
@@ -287,12 +299,7 @@ impl Adaptive {
     /// By field its largest change since the start, or that of one of the same unit and size: a body at rest that another
     /// one meets has its first displacement, which is small beside that of the other, as one body of one field would have.
     fn changes_of_alike(&self, scene: &Solving<'_>, solution: &[f64]) -> Vec<f64> {
-        let (system, own) = (&scene.system, counted(scene, &self.changes_until(scene, solution)));
-        let among = |field: usize| {
-            let alike = own.iter().enumerate().filter(|(other, _)| system.alike(*other) == system.alike(field));
-            alike.fold(0.0f64, |most, (_, change)| most.max(*change))
-        };
-        (0..own.len()).map(among).collect()
+        among_alike(scene, &counted(scene, &self.changes_until(scene, solution)))
     }
 
     /// By field that counts the largest value of a solution and of the one before.
@@ -326,7 +333,7 @@ impl Adaptive {
     /// The first field that counts whose change is so much flight that the demanded part of it is more than [`SEEN`] of what is beside the
     /// flight, and that part.
     pub(super) fn in_flight(&self, scene: &Solving<'_>, rules: &Auto) -> Option<Unresolved> {
-        let [all, beside] = &self.changes;
+        let [all, beside, _] = &self.changes;
         let counts = counted(scene, &self.changes);
         let of = |field: &usize| {
             let (change, beside) = (counts.get(*field)?, *beside.get(*field)?);
@@ -383,9 +390,19 @@ fn course(scene: &Solving<'_>) -> Vec<f64> {
     course
 }
 
+/// By field the largest of those of its unit and size.
+fn among_alike(scene: &Solving<'_>, own: &[f64]) -> Vec<f64> {
+    let system = &scene.system;
+    let among = |field: usize| {
+        let alike = own.iter().enumerate().filter(|(other, _)| system.alike(*other) == system.alike(field));
+        alike.fold(0.0f64, |most, (_, change)| most.max(*change))
+    };
+    (0..own.len()).map(among).collect()
+}
+
 /// By field the change that errors are relative to. A vibration in uniform flight is as exact as one at rest; where a law is not linear, as
 /// one of contact, the flight itself is what happens, and what is beside it begins from zero with the contact.
-fn counted(scene: &Solving<'_>, [all, beside]: &[Vec<f64>; 2]) -> Vec<f64> {
+fn counted(scene: &Solving<'_>, [all, beside, _]: &[Vec<f64>; 3]) -> Vec<f64> {
     match scene.system.is_linear() {
         true => all.iter().zip(beside).map(|(all, beside)| all.min(*beside)).collect(),
         false => all.clone(),
