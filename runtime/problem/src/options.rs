@@ -63,7 +63,7 @@ impl Equal {
 pub struct Auto {
     /// The first increment.
     pub first: f64,
-    /// Largest error of a step: of each field that has a past, relative to the largest value that the field has had.
+    /// Largest error of a step: of each field that has a past, relative to the largest change of the field since the start.
     pub error: f64,
     /// Smallest increment; a step of this increment is taken whatever its error.
     pub least: f64,

@@ -19,7 +19,7 @@ use super::{
     control::{Control, Matrix},
     gained::Gained,
     lagging::lag,
-    remembered::{Adaptive, joined},
+    remembered::{Adaptive, Estimate, Lag, joined},
     requests::StepRequest,
     stepping::{Integrator, Making, Reached, StepError, Stepper, Target},
 };
@@ -151,21 +151,11 @@ impl Adaptive {
             rates.extrapolate(&mut end, &past.unknowns);
         }
         let solution = joined(&end, stepper.next_states.iter().map(Vec::as_slice));
-        let mut errors = self.errors(scene, rules, increment, &solution, &[]);
-        let found = errors.map_or(0.0, |e| e.largest());
-        if self.uncertainty.is_asked(found) {
-            // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
-            let solved = !history.solves.is_empty();
-            let left = self.left_over();
-            let own = if solved { rounding(stepper, scene, u, left) } else { Some(vec![0.0; u.len()]) };
-            // a field that is zero but for rounding has no error to be made smaller
-            let own = own.map(|own| with_states(own, stepper, scene, u)).unwrap_or_default();
-            let own = self.uncertain(scene, rules, &own);
-            errors = self.errors(scene, rules, increment, &solution, &own);
-            self.uncertainty.explains = errors.is_some_and(|e| e.largest() < found);
-        }
-        if let Some((errors, lag)) = errors.as_mut().zip(lag(stepper, scene, u)) {
-            errors.count(self.of_lag(scene, rules, u, &lag), OF_LAG);
+        let estimate = self.estimate(stepper, scene, increment, &history, [&solution, u]);
+        let (mut errors, excused) = estimate.map(|e| (e.errors, e.excused)).unzip();
+        if let Some((errors, unknowns)) = errors.as_mut().zip(lag(stepper, scene, u)) {
+            let left = scene.scene.steps.last() - scene.system.step().end;
+            errors.count(self.of_lag(scene, rules, &solution, &Lag { unknowns, increment, left }), OF_LAG);
         }
         let held = errors.map_or(0.0, |e| e.largest());
         let behind = match self.gained.as_ref().map(|gained| gained.behind(scene, &end, rules.error)).transpose() {
@@ -186,18 +176,48 @@ impl Adaptive {
             }
             _ => {
                 self.control.accept(increment, errors, matrix);
-                self.uncertainty.taken(held);
+                self.uncertainty.taken(held, &excused.unwrap_or_default());
                 self.leave(scene, &history);
                 self.gained = behind.map(|(gained, _)| gained);
                 Tried::Accepted(history, too_large.map(|e| e.largest()))
             }
         }
     }
+
+    /// The estimated errors of a solution at `u`, without what rounding and the tolerance of Newton's method may have made of them.
+    fn estimate(
+        &mut self,
+        stepper: &mut Stepper,
+        scene: &Solving<'_>,
+        increment: f64,
+        history: &StepHistory,
+        [solution, u]: [&[f64]; 2],
+    ) -> Option<Estimate> {
+        let rules = scene.scene.steps.auto.as_ref().expect("steps that the run chooses");
+        let largest = |estimate: &Option<Estimate>| estimate.as_ref().map_or(0.0, |e| e.errors.largest());
+        let estimate = self.errors(scene, rules, increment, solution, &[]);
+        let found = largest(&estimate);
+        if !self.uncertainty.is_asked(found) {
+            return estimate;
+        }
+        // where no system was solved, the factor at hand is of an earlier state, and a resumed run has none
+        let solved = !history.solves.is_empty();
+        let left = self.left_over();
+        let own = if solved { rounding(stepper, scene, u, left) } else { Some(vec![0.0; u.len()]) };
+        // a field that is zero but for rounding has no error to be made smaller
+        let own = own.map(|own| with_states(own, stepper, scene, [&self.start, u])).unwrap_or_default();
+        let own = self.uncertain(scene, rules, &own);
+        let estimate = self.errors(scene, rules, increment, solution, &own);
+        self.uncertainty.explains = largest(&estimate) < found;
+        estimate
+    }
 }
 
-/// The part of unknowns by which they are moved to see the rounding of states: far above their own, far below any error that is
-/// demanded.
+/// The part of their change since the start by which unknowns are moved to see the rounding of states: far above rounding, far below any
+/// error that is demanded.
 const MOVED: f64 = 1e-12;
+/// The least by which they are moved, in units of the rounding of their values: a part of one may be none.
+const UNITS: f64 = 16.0;
 /// How often they are moved, each time by another part: rounding is zero by chance.
 const MOVES: [f64; 3] = [1.0, -0.61, 1.37];
 
@@ -214,16 +234,16 @@ fn rounding(stepper: &mut Stepper, scene: &Solving<'_>, u: &[f64], left: f64) ->
 }
 
 /// That with the same of the states behind it, which follow from the unknowns: one that is a difference of unknowns may be
-/// nothing but their rounding.
-fn with_states(rounding: Vec<f64>, stepper: &Stepper, scene: &Solving<'_>, u: &[f64]) -> Vec<f64> {
+/// nothing but their rounding. The run started from `start`.
+fn with_states(rounding: Vec<f64>, stepper: &Stepper, scene: &Solving<'_>, [start, u]: [&[f64]; 2]) -> Vec<f64> {
     let system = &scene.system;
     let mut all = rounding;
     let mut of_states = vec![0.0f64; stepper.next_states.iter().map(Vec::len).sum()];
     let moves = if of_states.is_empty() { &[][..] } else { &MOVES };
     for part in moves.iter().copied() {
         let by = |d: usize| if d.is_multiple_of(2) { part } else { -part };
-        let moved = u.iter().zip(&all).enumerate();
-        let moved: Vec<f64> = moved.map(|(d, (x, rounding))| x + by(d) * rounding.max(MOVED * x.abs())).collect();
+        let least = |d: usize| (MOVED * (u[d] - start[d]).abs()).max(UNITS * f64::EPSILON * u[d].abs());
+        let moved: Vec<f64> = (0..u.len()).map(|d| u[d] + by(d) * all[d].max(least(d))).collect();
         let next = scene.scene.states.iter().flat_map(|state| state.next(system, system.step(), &moved));
         for (largest, (a, b)) in of_states.iter_mut().zip(next.zip(stepper.next_states.iter().flatten())) {
             *largest = largest.max((a - b).abs());

@@ -43,7 +43,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 27;
+const FORMAT: u64 = 28;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -429,11 +429,15 @@ fn adaptive(w: &mut Writer, a: Option<&Adaptive>) {
     w.numbers(&[next, allowed, increment]);
     w.count(order as usize);
     w.flag(failed);
-    w.numbers(&a.scales);
+    w.numbers(&a.start);
+    w.numbers(&a.solved);
+    w.numbers(&a.course);
+    a.changes.iter().for_each(|changes| w.numbers(changes));
     w.numbers(&a.left);
     w.numbers(&a.uncertainty.sizes);
     w.count(a.uncertainty.held);
     w.flag(a.uncertainty.explains);
+    w.numbers(&a.uncertainty.excused);
     w.numbers(&a.past.increments);
     w.count(a.past.solutions.len());
     a.past.solutions.iter().for_each(|s| w.numbers(s));
@@ -447,13 +451,15 @@ fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
     }
     let [next, allowed, increment] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let control = Control { next, order: r.small()?, last: [allowed, increment], failed: r.flag()? };
-    let (scales, left) = (r.numbers()?, r.numbers()?);
-    let uncertainty = Uncertainty { sizes: r.numbers()?, held: r.count()?, explains: r.flag()? };
+    let (start, solved, course) = (r.numbers()?, r.numbers()?, r.numbers()?);
+    let changes = [r.numbers()?, r.numbers()?, r.numbers()?];
+    let left = r.numbers()?;
+    let uncertainty = Uncertainty { sizes: r.numbers()?, held: r.count()?, explains: r.flag()?, excused: r.numbers()? };
     let past = Past { increments: r.numbers()?, solutions: r.list(Reader::numbers)? };
     let balance = read_balance(r)?;
     let [largest] = *r.numbers()?.as_slice() else { return Err(Unreadable) };
     let gained = balance.map(|balance| Gained { balance, largest });
-    Ok(Some(Adaptive { control, past, scales, left, uncertainty, gained }))
+    Ok(Some(Adaptive { control, past, start, solved, course, changes, left, uncertainty, gained }))
 }
 
 fn balance(w: &mut Writer, b: Option<&Balance>) {

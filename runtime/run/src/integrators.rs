@@ -42,8 +42,9 @@ impl Integrators {
 
     /// Takes the end of a step, with its states, as what later ones are expected from.
     pub(super) fn remember(&mut self, scene: &Solving<'_>, increment: f64, u: &[f64]) {
-        if let Some((adaptive, rules)) = self.adaptive.as_mut().zip(scene.steps.auto.as_ref()) {
-            adaptive.add(scene, rules, increment, u);
+        // explicit steps follow a limit of the mesh, and their error is not judged
+        if let Some(adaptive) = self.adaptive.as_mut().filter(|_| self.explicit.is_none()) {
+            adaptive.add(scene, increment, u);
         }
     }
 }

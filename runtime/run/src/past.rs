@@ -57,10 +57,10 @@ impl Past {
     }
 }
 
-/// The largest difference of numbers, relative to a size.
-pub(super) fn distance(a: &[f64], b: &[f64], range: Range<usize>, size: f64) -> f64 {
-    let largest = range.map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
-    if largest == 0.0 { 0.0 } else { largest / size }
+/// The largest difference of numbers; no number where one is none.
+pub(super) fn distance(a: &[f64], b: &[f64], range: Range<usize>) -> f64 {
+    let differences = range.map(|k| (a[k] - b[k]).abs());
+    differences.fold(0.0, |most: f64, d| if most.is_nan() || most > d { most } else { d })
 }
 
 #[cfg(test)]
@@ -127,9 +127,10 @@ mod tests {
     }
 
     #[test]
-    fn differences_count_in_the_size_of_their_field() {
+    fn differences_are_those_of_a_range() {
         let (a, b) = ([1.0, 2.0, 3e-6], [1.0, 1.0, 2e-6]);
-        assert_eq!((distance(&a, &b, 0..2, 100.0), distance(&a, &b, 2..3, 1e-3)), (1.0 / 100.0, (3e-6 - 2e-6) / 1e-3));
-        assert_eq!(distance(&[0.0], &[0.0], 0..1, 0.0), 0.0);
+        assert_eq!((distance(&a, &b, 0..2), distance(&a, &b, 2..3)), (1.0, 3e-6 - 2e-6));
+        assert_eq!(distance(&a, &b, 0..0), 0.0);
+        assert!(distance(&[f64::NAN, 1.0], &[0.0, 0.0], 0..2).is_nan());
     }
 }

@@ -1,9 +1,13 @@
-//! What steps that the run chooses remember of earlier ones: solutions, increments and the sizes of fields; and the error
+//! What steps that the run chooses remember of earlier ones: solutions, increments and how far fields have gone; and the error
 //! of a step that follows from them. Does not solve anything.
+//!
+//! Errors are relative to the largest change of a field since the start of the run, not to its values: a temperature of 20 degrees is one of
+//! 293 kelvins, a pressure stands on a hydrostatic one, and neither says how exact what happens has to be.
 
 use std::ops::Range;
 
-use wfl_discrete::rates::{MOST_ORDER, Scheme};
+use wfl_compiler::types::RateForm;
+use wfl_discrete::rates::{MOST_ORDER, Rates, Scheme};
 use wfl_host::team::Team;
 use wfl_newton::{DEFAULT_TOLERANCE, StepHistory};
 use wfl_problem::{Auto, Scene, Solving};
@@ -17,8 +21,16 @@ use super::{
 /// A difference of a solution from an extrapolation of others is up to so many times the rounding of each: the line through two takes
 /// the newer one twice, and one sample of signs may miss some of it.
 const ROUNDED: f64 = 16.0;
+/// The same of what has inertia: velocities are differences of rounded values, and a scheme that damps nothing keeps and adds up what rounding
+/// makes of them. A body at rest on a floor was seen to be moved by 200 roundings in 2 s, a mass that is let go by 50 in its first steps.
+const ROUNDED_MOTION: f64 = 256.0;
+/// The part of its change, at least, that each step misses of a field which is nothing but rounding: no line leads through that.
+const NOISE: f64 = 0.1;
 /// A tolerance above that of Newton's method where a scene names none is a demand of that scene: what it leaves is an error.
 const NO_MORE: f64 = DEFAULT_TOLERANCE;
+
+/// The largest error of a step, as a part of what happens beside a uniform flight, that is not told: results of one step of it have two digits.
+const SEEN: f64 = 1e-2;
 
 /// An error, in units of the demanded one, that holds the next increment below twice this one: 0.9/sqrt(0.2) is 2.
 const HOLDS: f64 = 0.2;
@@ -35,6 +47,31 @@ pub(super) struct Uncertainty {
     pub(super) held: usize,
     /// The last time it was, at least in part.
     pub(super) explains: bool,
+    /// By field the largest that was taken for no error in any step.
+    pub(super) excused: Vec<f64>,
+}
+
+/// The errors of a step, and by field that counts what would be one, if rounding and the tolerance of Newton's method could not have
+/// made it.
+pub(super) struct Estimate {
+    pub(super) errors: Errors,
+    pub(super) excused: Vec<f64>,
+}
+
+/// What the unknowns of a step are behind its states.
+pub(super) struct Lag {
+    /// By dof.
+    pub(super) unknowns: Vec<f64>,
+    /// The increment of the step, and how far it is from its end to that of the run.
+    pub(super) increment: f64,
+    pub(super) left: f64,
+}
+
+/// A field whose steps cannot be as exact as demanded.
+pub(super) struct Unresolved {
+    pub(super) field: usize,
+    /// What rounding may be of its change.
+    pub(super) part: f64,
 }
 
 impl Uncertainty {
@@ -43,8 +80,10 @@ impl Uncertainty {
         error > 1.0 || error > HOLDS && (self.explains || self.held >= PATIENCE)
     }
 
-    /// A step with this error was taken.
-    pub(super) fn taken(&mut self, error: f64) {
+    /// A step with this error was taken, of which by field so much was none.
+    pub(super) fn taken(&mut self, error: f64, excused: &[f64]) {
+        self.excused.resize(excused.len().max(self.excused.len()), 0.0);
+        self.excused.iter_mut().zip(excused).for_each(|(most, now)| *most = most.max(*now));
         self.held = match error > HOLDS && self.held < PATIENCE {
             true => self.held + 1,
             false => 0,
@@ -58,8 +97,14 @@ pub(super) struct Adaptive {
     pub(super) control: Control,
     /// Unknowns, and states behind them.
     pub(super) past: Past,
-    /// By field that counts the largest value it has had.
-    pub(super) scales: Vec<f64>,
+    /// The solution with which the run started, as those in `past`, and the first that was solved; empty before there is one.
+    pub(super) start: Vec<f64>,
+    pub(super) solved: Vec<f64>,
+    /// By dof the velocity of the uniform motion with which the run started; empty without inertia.
+    pub(super) course: Vec<f64>,
+    /// By field of the scene its largest change since the start, at any value of the step variable; the same beside the uniform motion; and
+    /// that since the first step.
+    pub(super) changes: [Vec<f64>; 3],
     /// The relative residuals that Newton's method has left of the solutions in `past`, in their order.
     pub(super) left: Vec<f64>,
     pub(super) uncertainty: Uncertainty,
@@ -72,7 +117,10 @@ impl Adaptive {
         Self {
             control: Control::new(rules),
             past: Past::default(),
-            scales: vec![0.0; rules.fields.len()],
+            start: Vec::new(),
+            solved: Vec::new(),
+            course: Vec::new(),
+            changes: [Vec::new(), Vec::new(), Vec::new()],
             left: Vec::new(),
             uncertainty: Uncertainty::default(),
             gained: None,
@@ -85,16 +133,26 @@ impl Adaptive {
         self.control.turn(rules);
         self.past = Past::default();
         self.left.clear();
-        self.uncertainty = Uncertainty::default();
+        self.uncertainty =
+            Uncertainty { excused: std::mem::take(&mut self.uncertainty.excused), ..Uncertainty::default() };
     }
 
     /// Takes a solution at the end of an increment.
-    pub(super) fn add(&mut self, scene: &Solving<'_>, rules: &Auto, increment: f64, u: &[f64]) {
+    pub(super) fn add(&mut self, scene: &Solving<'_>, increment: f64, u: &[f64]) {
         let solution = joined(u, scene.states.iter().map(|s| scene.system.data()[s.field].as_slice()));
-        for (scale, range) in self.scales.iter_mut().zip(ranges(scene, rules)) {
-            *scale = solution[range].iter().fold(*scale, |m, v| m.max(v.abs()));
+        if self.start.is_empty() {
+            self.start.clone_from(&solution);
+            self.course = course(scene);
+            // where time starts nothing is solved
+            if scene.steps.from_start {
+                self.changes = self.changes_until(scene, &solution);
+                return self.past.add(increment, solution, most_order(scene) + 1);
+            }
         }
-        scene.system.team().max(&mut self.scales);
+        if self.solved.is_empty() {
+            self.solved.clone_from(&solution);
+        }
+        self.changes = self.changes_until(scene, &solution);
         self.past.add(increment, solution, most_order(scene) + 1);
     }
 
@@ -125,8 +183,8 @@ impl Adaptive {
     /// By field that counts what rounding and a residual may change of it, which is by dof `own` now; or what they might have changed
     /// when this was asked last: a point that has stuck for a step, since that is within the tolerance, would seem to be certain.
     pub(super) fn uncertain(&mut self, scene: &Solving<'_>, rules: &Auto, own: &[f64]) -> Vec<f64> {
-        let of = |range: Range<usize>| own.get(range).unwrap_or_default().iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        let mut now: Vec<f64> = ranges(scene, rules).map(of).collect();
+        let of = |field: &usize| largest(own.get(range(scene, *field)).unwrap_or_default());
+        let mut now: Vec<f64> = rules.fields.iter().map(of).collect();
         scene.system.team().max(&mut now);
         let before = std::mem::replace(&mut self.uncertainty.sizes, now.clone());
         now.iter_mut().zip(before).for_each(|(now, before)| *now = now.max(before));
@@ -138,8 +196,8 @@ impl Adaptive {
     /// What the scheme does not integrate, states among it, counts as a solution of backward Euler; so does everything in
     /// the second step, behind which no parabola is known yet: its error is smaller than that.
     ///
-    /// `rounding` is by field what rounding may change of it, or empty: where all that a field has missed is that, it has no
-    /// error.
+    /// `rounding` is by field that counts what rounding may change of it, or empty: where all that a field has missed is that, it
+    /// has no error.
     pub(super) fn errors(
         &self,
         scene: &Solving<'_>,
@@ -147,22 +205,34 @@ impl Adaptive {
         increment: f64,
         solution: &[f64],
         rounding: &[f64],
-    ) -> Option<Errors> {
+    ) -> Option<Estimate> {
         let most = most_order(scene);
         let expected: Vec<Vec<f64>> = (1..=most).map_while(|order| self.past.extrapolated(increment, order)).collect();
         if expected.is_empty() {
             return None;
         }
-        let team = scene.system.team();
         let rates = scene.system.rates();
-        let scales = self.scales_of_alike(scene, rules, solution);
-        let (mut errors, mut own) = (Errors::default(), rounding.iter().copied());
-        for (field, (range, scale)) in rules.fields.iter().zip(ranges(scene, rules).zip(scales)) {
-            let rounded = ROUNDED * own.next().unwrap_or(0.0);
-            let error = |order: usize, method: f64| {
-                let missed = team.largest(distance(solution, &expected[order - 1], range.clone(), scale));
-                let missed = if missed * scale <= rounded { 0.0 } else { missed };
-                self.past.share(increment, order, method) * missed / rules.error
+        let all_changes = self.changes_of_alike(scene, solution);
+        let sizes = self.sizes(scene, rules, solution);
+        let (mut errors, mut excused) = (Errors::default(), vec![0.0f64; rules.fields.len()]);
+        for (k, field) in rules.fields.iter().enumerate() {
+            let (range, change) = (range(scene, *field), all_changes[*field]);
+            // values are rounded wherever they came from, and the extrapolation is made of them
+            let of_values = roundings(scene, *field) * f64::EPSILON * sizes[k];
+            let rounded = of_values.max(roundings(scene, *field) * rounding.get(k).copied().unwrap_or(0.0));
+            let missed = |order: usize, method: f64| {
+                let missed = scene.system.team().largest(distance(solution, &expected[order - 1], range.clone()));
+                (self.past.share(increment, order, method), missed)
+            };
+            let error = |order: usize, method: f64| match missed(order, method) {
+                (_, missed) if missed <= rounded => 0.0,
+                (share, missed) => share * missed / change / rules.error,
+            };
+            let mut excuse = |order: usize, method: f64| {
+                let (share, missed) = missed(order, method);
+                // a field that has not left its rounding yet has no error that could be seen
+                let is_excused = missed <= rounded && change > of_values;
+                excused[k] = if is_excused { excused[k].max(share * missed) } else { excused[k] };
             };
             let order = rates.and_then(|rates| rates.order(*field)).filter(|order| *order <= expected.len());
             if let (Some(order), Some(rates)) = (order, rates) {
@@ -172,53 +242,106 @@ impl Adaptive {
                         *around = Some(larger(around.unwrap_or(0.0), error(order, method)));
                     }
                 }
+                rates.misses_with(*field, order).into_iter().for_each(|method| excuse(order, method));
                 continue;
             }
             let misses = rates.and_then(|rates| rates.misses(*field));
             for (order, method) in fixed(misses, increment, expected.len()) {
                 let largest = &mut errors.by_order[order - 1];
                 *largest = larger(*largest, error(order, method));
+                excuse(order, method);
             }
         }
-        Some(errors)
+        Some(Estimate { errors, excused })
     }
 
-    /// The error of unknowns `u` that lag behind the states by `lag`, both by dof, relative to the demanded one: that of every
+    /// The error of a solution whose unknowns lag behind its states by `lag`, by dof, relative to the demanded one: that of every
     /// unknown, since a lag needs no past of its own.
     ///
     /// It is there at the end of every step and does not add up, as the errors of steps do: those of a method of first order, each
-    /// of the demanded size, add up to about the root of it. So much unknowns may lag.
-    pub(super) fn of_lag(&self, scene: &Solving<'_>, rules: &Auto, u: &[f64], lag: &[f64]) -> f64 {
+    /// of the demanded size, add up to about the root of it. So much unknowns may lag: of what they have changed since the first step
+    /// (a load that is there at once makes a jump of that), and would change until the end if what they lag by in each increment went
+    /// on. In the first steps a lag is all that has changed.
+    pub(super) fn of_lag(&self, scene: &Solving<'_>, rules: &Auto, solution: &[f64], lag: &Lag) -> f64 {
         let system = &scene.system;
-        let states = || std::iter::once(u).chain(self.past.solutions.iter().map(Vec::as_slice));
-        let most = |of: &[f64]| of.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+        let [_, _, since] = self.changes_until(scene, solution);
+        let all_changes = among_alike(scene, &since);
         let fields: Vec<usize> = (0..system.fields.len()).filter(|field| system.range(*field).is_some()).collect();
-        let range = |field: usize| system.range(field).unwrap_or_default();
-        let mut sizes: Vec<f64> =
-            fields.iter().map(|field| states().fold(0.0f64, |size, u| size.max(most(&u[range(*field)])))).collect();
-        let mut lags: Vec<f64> = fields.iter().map(|field| most(&lag[range(*field)])).collect();
-        [&mut sizes, &mut lags].into_iter().for_each(|numbers| system.team().max(numbers));
+        let most = |field: &usize| largest(&lag.unknowns[range(scene, *field)]);
+        let mut lags: Vec<f64> = fields.iter().map(most).collect();
+        system.team().max(&mut lags);
+        let steps_left = lag.left / lag.increment;
         let part = |(field, lag): (&usize, &f64)| {
-            let alike = fields.iter().zip(&sizes).filter(|(other, _)| system.alike(**other) == system.alike(*field));
-            let size = alike.fold(0.0f64, |most, (_, size)| most.max(*size));
-            if *lag == 0.0 { 0.0 } else { lag / size }
+            let all = all_changes[*field] + lag * steps_left;
+            if *lag == 0.0 { 0.0 } else { lag / all }
         };
         fields.iter().zip(&lags).map(part).fold(0.0, f64::max).powi(2) / rules.error
     }
 
-    /// By field that counts the largest value that it has had, or one of the same unit and size: a body at rest that another
-    /// one meets has its first displacement, which is small beside that of the other, as one body of one field would have.
-    fn scales_of_alike(&self, scene: &Solving<'_>, rules: &Auto, solution: &[f64]) -> Vec<f64> {
-        let size = |range: Range<usize>| solution[range].iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        let mut own: Vec<f64> = ranges(scene, rules).map(size).collect();
-        scene.system.team().max(&mut own);
-        own.iter_mut().zip(&self.scales).for_each(|(own, before)| *own = own.max(*before));
-        let among = |field: usize| {
-            let others = rules.fields.iter().zip(&own);
-            let alike = others.filter(|(other, _)| scene.system.alike(**other) == scene.system.alike(field));
-            alike.fold(0.0f64, |m, (_, size)| m.max(*size))
+    /// By field its largest changes, those of this solution included, as [`Self::changes`].
+    fn changes_until(&self, scene: &Solving<'_>, solution: &[f64]) -> [Vec<f64>; 3] {
+        let from = |origin: &[f64]| -> Vec<f64> {
+            (0..scene.system.fields.len()).map(|k| distance(solution, origin, range(scene, k))).collect()
         };
-        rules.fields.iter().map(|field| among(*field)).collect()
+        let all = from(&self.start);
+        let elapsed = scene.system.step().end - scene.steps.first();
+        let flown: Vec<f64> = self.course.iter().zip(&self.start).map(|(rate, from)| from + rate * elapsed).collect();
+        let beside = if flown.is_empty() { all.clone() } else { from(&flown) };
+        let since = if self.solved.is_empty() { vec![0.0; all.len()] } else { from(&self.solved) };
+        let mut changes = [all, beside, since];
+        for (changes, before) in changes.iter_mut().zip(&self.changes) {
+            scene.system.team().max(changes);
+            changes.iter_mut().zip(before).for_each(|(change, before)| *change = change.max(*before));
+        }
+        changes
+    }
+
+    /// By field its largest change since the start, or that of one of the same unit and size: a body at rest that another
+    /// one meets has its first displacement, which is small beside that of the other, as one body of one field would have.
+    fn changes_of_alike(&self, scene: &Solving<'_>, solution: &[f64]) -> Vec<f64> {
+        among_alike(scene, &counted(scene, &self.changes_until(scene, solution)))
+    }
+
+    /// By field that counts the largest value of a solution and of the one before.
+    fn sizes(&self, scene: &Solving<'_>, rules: &Auto, solution: &[f64]) -> Vec<f64> {
+        let of = |field: &usize| {
+            let all = std::iter::once(solution).chain(self.past.solutions.first().map(Vec::as_slice));
+            all.fold(0.0f64, |most, values| most.max(largest(&values[range(scene, *field)])))
+        };
+        let mut sizes: Vec<f64> = rules.fields.iter().map(of).collect();
+        scene.system.team().max(&mut sizes);
+        sizes
+    }
+
+    /// The first field that counts of which more than the demanded part of its change was no error of steps but rounding; fields of
+    /// which all is that, as the slip of what sticks, are none.
+    pub(super) fn unresolved(&self, scene: &Solving<'_>, rules: &Auto) -> Option<Unresolved> {
+        let changes = counted(scene, &self.changes);
+        let of = |(k, field, excused): (usize, &usize, &f64)| {
+            let change = *changes.get(*field)?;
+            let (part, own) = (excused / change, self.uncertainty.sizes.get(k).copied().unwrap_or(0.0));
+            // what an unknown has changed by counts once that is more than the rounding of its values; a state may be a difference
+            let is_state = scene.states.iter().any(|state| state.field == *field);
+            let noise = if is_state { ROUNDED * own } else { own };
+            let is_noise = part >= 1.0 || part > NOISE && change <= noise;
+            (part > rules.error && !is_noise).then_some(Unresolved { field: *field, part })
+        };
+        let fields = rules.fields.iter().zip(&self.uncertainty.excused).enumerate();
+        fields.map(|(k, (field, excused))| (k, field, excused)).find_map(of)
+    }
+
+    /// The first field that counts whose change is so much flight that the demanded part of it is more than [`SEEN`] of what is beside the
+    /// flight, and that part.
+    pub(super) fn in_flight(&self, scene: &Solving<'_>, rules: &Auto) -> Option<Unresolved> {
+        let [all, beside, _] = &self.changes;
+        let counts = counted(scene, &self.changes);
+        let of = |field: &usize| {
+            let (change, beside) = (counts.get(*field)?, *beside.get(*field)?);
+            let part = rules.error * change / beside;
+            let is_noise = beside <= ROUNDED_MOTION * f64::EPSILON * all[*field];
+            (part > SEEN && !is_noise).then_some(Unresolved { field: *field, part })
+        };
+        rules.fields.iter().find_map(of)
     }
 }
 
@@ -246,22 +369,70 @@ fn most_order(scene: &Solving<'_>) -> usize {
     })
 }
 
-/// Where the fields that count lie in a solution.
-fn ranges<'s>(scene: &'s Scene, rules: &'s Auto) -> impl Iterator<Item = Range<usize>> + 's {
-    rules.fields.iter().map(|field| {
-        if let Some(range) = scene.system.range(*field) {
-            return range;
-        }
-        let mut start = scene.system.numbering.n_dofs;
-        for state in &scene.states {
-            let n = scene.system.data()[state.field].len();
-            if state.field == *field {
-                return start..start + n;
+/// By dof the velocity, that in the middle of those of its field and component, with which the run starts.
+fn course(scene: &Solving<'_>) -> Vec<f64> {
+    let system = &scene.system;
+    let has_inertia = |rates: &&Rates| rates.fields().iter().any(|of| of.form == RateForm::Second);
+    let Some(rates) = system.rates().filter(has_inertia) else { return Vec::new() };
+    let mut course = vec![0.0; system.numbering.n_dofs];
+    for of in rates.fields().iter().filter(|of| of.form == RateForm::Second) {
+        let component = |dof: usize| system.numbering.describe(&system.fields, dof).2;
+        let mut ends = vec![f64::NEG_INFINITY; 2 * system.fields[of.field].n_components];
+        for (dof, rate) in of.dofs.clone().zip(&of.kept[0]) {
+            for (end, rate) in ends[2 * component(dof)..].iter_mut().zip([*rate, -rate]) {
+                *end = end.max(rate);
             }
-            start += n;
         }
-        0..0
-    })
+        system.team().max(&mut ends);
+        of.dofs.clone().for_each(|dof| course[dof] = 0.5 * (ends[2 * component(dof)] - ends[2 * component(dof) + 1]));
+    }
+    course.resize(course.len() + scene.states.iter().map(|s| system.data()[s.field].len()).sum::<usize>(), 0.0);
+    course
+}
+
+/// By field the largest of those of its unit and size.
+fn among_alike(scene: &Solving<'_>, own: &[f64]) -> Vec<f64> {
+    let system = &scene.system;
+    let among = |field: usize| {
+        let alike = own.iter().enumerate().filter(|(other, _)| system.alike(*other) == system.alike(field));
+        alike.fold(0.0f64, |most, (_, change)| most.max(*change))
+    };
+    (0..own.len()).map(among).collect()
+}
+
+/// By field the change that errors are relative to. A vibration in uniform flight is as exact as one at rest; where a law is not linear, as
+/// one of contact, the flight itself is what happens, and what is beside it begins from zero with the contact.
+fn counted(scene: &Solving<'_>, [all, beside, _]: &[Vec<f64>; 3]) -> Vec<f64> {
+    match scene.system.is_linear() {
+        true => all.iter().zip(beside).map(|(all, beside)| all.min(*beside)).collect(),
+        false => all.clone(),
+    }
+}
+
+/// Where a field lies in a solution; nowhere, if it is neither an unknown nor a state.
+fn range(scene: &Scene, field: usize) -> Range<usize> {
+    if let Some(range) = scene.system.range(field) {
+        return range;
+    }
+    let mut start = scene.system.numbering.n_dofs;
+    for state in &scene.states {
+        let n = scene.system.data()[state.field].len();
+        if state.field == field {
+            return start..start + n;
+        }
+        start += n;
+    }
+    0..0
+}
+
+/// The roundings of a value that a difference from an extrapolation of others may be.
+fn roundings(scene: &Scene, field: usize) -> f64 {
+    let has_inertia = |rates: &Rates| rates.fields().iter().any(|of| of.field == field && of.form == RateForm::Second);
+    if scene.system.rates().is_some_and(has_inertia) { ROUNDED_MOTION } else { ROUNDED }
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0f64, |most, value| most.max(value.abs()))
 }
 
 pub(super) fn joined<'s>(u: &[f64], states: impl Iterator<Item = &'s [f64]>) -> Vec<f64> {

@@ -16,9 +16,11 @@ const STEPS: usize = 4;
 /// The part of its size that a rate keeps from step to step, with the other sign, while it is said to alternate: rules that damp a little
 /// (`rho_inf` of 0.8) leave as much.
 const KEPT: f64 = 0.6;
-/// The part of the largest value of the field by which the rate changes it in a step: less is nothing that one would see, and rounding in
-/// the end.
+/// The part of its largest change since the run began by which the rate changes a field in a step: less is nothing that one would see. A
+/// temperature of 20 degrees is one of 293 kelvins: values say nothing of what would be seen.
 const SEEN: f64 = 1e-4;
+/// A change in a step of less than so many roundings of the values is rounding.
+const ROUNDED: f64 = 16.0;
 
 /// The rates of the last step, and what was found.
 #[derive(Clone, Debug, Default)]
@@ -30,6 +32,9 @@ pub(super) struct Ringing {
 struct OfField {
     field: usize,
     rate: Vec<f64>,
+    /// The values at the beginning of the first step, and the square of the largest change since then.
+    start: Vec<f64>,
+    changed: f64,
     in_a_row: usize,
 }
 
@@ -48,18 +53,21 @@ impl Ringing {
         for of in rates.fields().iter().filter(|of| is_first(of.form)) {
             let now = &first[of.dofs.clone()];
             let Some(before) = self.fields.iter_mut().find(|before| before.field == of.field) else {
-                self.fields.push(OfField { field: of.field, rate: now.to_vec(), in_a_row: 0 });
+                let start = past.unknowns[of.dofs.clone()].to_vec();
+                self.fields.push(OfField { field: of.field, rate: now.to_vec(), start, changed: 0.0, in_a_row: 0 });
                 continue;
             };
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-            let mut sums = [
-                dot(now, &before.rate),
-                dot(&before.rate, &before.rate),
-                dot(&u[of.dofs.clone()], &u[of.dofs.clone()]),
-            ];
+            let values = &u[of.dofs.clone()];
+            let change: Vec<f64> = values.iter().zip(&before.start).map(|(value, start)| value - start).collect();
+            let mut sums =
+                [dot(now, &before.rate), dot(&before.rate, &before.rate), dot(&change, &change), dot(values, values)];
             system.team().sum(&mut sums);
-            let [along, old, value] = sums;
-            let alternates = along < -KEPT * old && increment * increment * old > SEEN * SEEN * value;
+            let [along, old, changed, value] = sums;
+            before.changed = before.changed.max(changed);
+            let rounding = (ROUNDED * f64::EPSILON).powi(2) * value;
+            let least = (SEEN * SEEN * before.changed).max(rounding);
+            let alternates = along < -KEPT * old && increment * increment * old > least;
             before.in_a_row = if alternates { before.in_a_row + 1 } else { 0 };
             before.rate.copy_from_slice(now);
             if before.in_a_row == STEPS {

@@ -513,7 +513,11 @@ pages! {
         "`steps ... by auto` found no increment with the demanded error: one was as small as `least`, and the step was taken \
          with the error that it has. That is right where a value jumps at once: no increment resolves a jump. Elsewhere \
          choose a smaller `least`, or a larger `error`. `report.json` lists the attempts of each step. The first steps have no \
-         estimate, because it needs a past: a run of one or two steps says that it has none, and needs a smaller `first`.",
+         estimate, because it needs a past: a run of one or two steps says that it has none, and needs a smaller `first`. Errors are \
+         relative to what the run changes of a field. Where its values, or what cancels in its equations, are so much larger that \
+         rounding is more than the demanded part of that, no step can have the demanded error: solve for the difference from \
+         the start. Where nearly all of the change is the flight with which a body starts, the demanded part of it may be \
+         much of what happens beside: start at rest what flies together.",
         "steps t = 0 to 1 by auto with first=0.1, least=0.1, error=1e-9",
         "steps t = 0 to 1 by auto with error=1e-3",
     ),

@@ -244,7 +244,7 @@ pub(super) const ROWS: &[StatementRow] = &[
     StatementRow {
         word: "steps",
         usage: "`... with first=1e-3, error=1e-5, least=1e-6, most=10, count=1e6, limit=0.2*Dc/max(V) on fault`",
-        meaning: "the first increment; the largest error of a step, relative to the largest value of each field, 1e-12 to \
+        meaning: "the first increment; the largest error of a step, relative to the largest change of each field since the start, 1e-12 to \
                   0.1; the smallest and the largest increment; allows a `most` that needs more than 100,000 steps; what the increment is at most behind each state: arithmetic of \
                   parameters, measures, the step variable and `max(e)`, `min(e)`, `mean(e)`, `integral(e)` on a region",
         default: "with b - a = 1: 1e-6, 1e-4, 1e-12, 1, 100,000, none",

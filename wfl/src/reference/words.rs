@@ -42,7 +42,10 @@ pub(super) const MEANINGS: &[(&str, &str)] = &[
     ("most", "largest number of steps (100,000), of steps by `auto` the largest increment"),
     ("count", "the most steps that a run by `auto` may take"),
     ("first", "first increment of steps by `auto`"),
-    ("error", "largest error in time of a step by `auto`, relative to the largest value of each field (1e-4)"),
+    (
+        "error",
+        "largest error in time of a step by `auto`, relative to the largest change of each field since the start (1e-4)",
+    ),
     ("least", "smallest increment of steps by `auto`"),
     ("limit", "what the increment of steps by `auto` is at most behind each state"),
     ("alpha", "setting of `scheme hht`, -1/3 to 0"),

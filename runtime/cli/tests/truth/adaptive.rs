@@ -77,3 +77,132 @@ fn a_stiff_tie_far_from_the_origin_excuses_no_error_of_steps() {
         assert!((found - right).abs() < 5e-3, "{stiffer} {origin}: {found} for {right}");
     }
 }
+
+/// Scenes in `T - c` and `u - c` alone, with the measures that a constant must not change: linear and nonlinear conduction, a cooling that is the
+/// same everywhere, creep that is written with its last strain, a plate that a temperature bends, a bounce.
+const SHIFTED: [(&str, &str); 6] = [
+    (
+        "linear",
+        "mesh box [0] to [1] cells [10] segment\nregion left = faces where x == 0\nunknown T : scalar P2\n\
+         term storage on all : Dot_T*Test_T\nterm conduction on all : Grad_T.Grad_Test_T\nstart T = c\nfix T = c + 1 on left\n\
+         steps t = 0 to 0.5 by auto with first=1e-4\nmeasure m = value(T - c) at [0.5]\n",
+    ),
+    (
+        "nonlinear",
+        "mesh box [0] to [1] cells [10] segment\nregion left = faces where x == 0\nregion right = faces where x == 1\n\
+         unknown T : scalar P2\nterm storage on all : Dot_T*Test_T\n\
+         term conduction on all : (0.1 + (T - c)^2)*Grad_T.Grad_Test_T\nterm loss on right : 0.3*(T - c)^4*Test_T\n\
+         start T = c + 0.5*x\nfix T = c + 1 + 0.2*sin(10*t) on left\nsteps t = 0 to 2 by auto with first=1e-4\n\
+         measure m = value(T - c) at [0.5]\n",
+    ),
+    (
+        "uniform",
+        "mesh box [0] to [1] cells [1] segment\nunknown T : scalar\nterm balance on all : (Dot_T + (T - c))*Test_T\n\
+         start T = c + 1\nsteps t = 0 to 2 by auto with first=1e-4\nmeasure m = value(T - c) at [0.5]\n",
+    ),
+    (
+        "creep",
+        "mesh box [0] to [1] cells [2]\nregion a = faces where x == 0\nregion b = faces where x == 1\nunknown u : scalar\n\
+         def sig = 1e5*(Grad_u(1) - Previous_ec)\n\
+         state ec : scalar on all := Previous_ec + timestep*1e-12*abs(sig)^3*sig\nterm el on all : sig*Grad_Test_u(1)\n\
+         start u = c\nfix u = c on a\nload u = 100 on b\nsteps t = 0 to 100 by auto with error=1e-4\n\
+         measure m = max(u - c) at nodes of all\n",
+    ),
+    (
+        "plate",
+        "mesh box [0,0] to [1,1] cells [4,4] quad\nregion left = faces where x == 0\nunknown T : scalar\nunknown u : vector\n\
+         term storage on all : Dot_T*Test_T\nterm conduction on all : Grad_T.Grad_Test_T\n\
+         term el on all : (2*Sym(Grad_u) - (T - c)*Id(2)):Grad_Test_u\nstart T = c\nstart u = [c, 2*c]\nfix T = c + 1 on left\n\
+         fix u = [c, 2*c] on left\nsteps t = 0 to 0.5 by auto with first=1e-4\nmeasure m = value(u(1) - c) at [1, 0.5]\n",
+    ),
+    (
+        "bounce",
+        "mesh box [0] to [1] cells [8] segment\nregion wall = faces where x == 0\nunknown u : scalar\nstart u = c + 0.1\n\
+         start Dot_u = -1\nterm inertia on all : Dot2_u*Test_u\nterm stress on all : 100*Grad_u.Grad_Test_u\n\
+         term contact on wall : -1e4*neg_part(u - c)*Test_u\nscheme newmark\nsteps t = 0 to 0.5 by auto with error=1e-4\n\
+         measure m = mean(Dot_u) on all\n",
+    ),
+];
+
+/// What varies is as exact beside 293, 1e4 and 1e6 as beside nothing, in as many steps: errors were relative to the largest value, and 4 % and
+/// more of what varies. Where the rounding of the values is more than the demanded error, that is told.
+#[test]
+fn a_constant_that_is_added_changes_no_step() {
+    for (name, scene) in SHIFTED {
+        let ran = |c: &str| run(&format!("auto-shift-{name}-{c}"), &format!("param c = {c}\n{scene}"), &[]);
+        let right = ran("0");
+        right.assert_silent();
+        for (c, rounding) in [("293", 1e-7), ("1e4", 1e-7), ("1e6", 1e-6)] {
+            let found = ran(c);
+            found.assert_silent();
+            let differs = (found.last("m") / right.last("m") - 1.0).abs();
+            // where contact begins and ends is decided by rounding there, in steps of the demanded error each
+            let (most, steps) = if name == "bounce" { (1e-3, 0.1) } else { (rounding, 0.0) };
+            assert!(differs < most, "{name} {c}: {} for {}", found.last("m"), right.last("m"));
+            #[expect(clippy::cast_precision_loss, reason = "some hundred steps")]
+            let more = (found.steps() as f64 / right.steps() as f64 - 1.0).abs();
+            assert!(more <= steps, "{name} {c}: {} steps for {}", found.steps(), right.steps());
+        }
+        let hidden = ran("1e12");
+        assert!(hidden.tells("W618"), "{name}: {}", hidden.text);
+    }
+}
+
+/// A body at rest is nothing but rounding in its motion, and a field that stays as it is in the whole run nothing but rounding: neither is told.
+#[test]
+fn what_does_not_change_is_no_error_and_not_told() {
+    let rest = "mesh box [0] to [1] cells [10]\nregion foot = faces where x == 0\nunknown u : scalar\n\
+                term inertia on all : Dot2_u*Test_u\nterm stress on all : 1e4*Grad_u.Grad_Test_u\n\
+                term floor on foot : -1e6*pos_part(-u)*Test_u\nterm weight on all : 10*Test_u\n\
+                start u = -10/1e6 - 10*(x - x^2/2)/1e4\nscheme generalised_alpha rho_inf=0.8\nsteps t = 0 to 2 by auto\n";
+    let still = "mesh box [0,0] to [1,1] cells [4,4] tri\nregion left = faces where x == 0\nregion right = faces where x == 1\n\
+                 unknown T : scalar P2\nunknown v : scalar P2\nterm storage on all : Dot_T*Test_T\n\
+                 term conduction on all : (1 + (T/293)^2)*Grad_T.Grad_Test_T\nterm exchange on right : 3*(T - 293)*Test_T\n\
+                 term stored on all : Dot_v*Test_v\nterm flow on all : (1 + v^2)*Grad_v.Grad_Test_v - 100*t*(1 - x)*Test_v\n\
+                 start T = 293\nfix T = 293 on left\nfix v = 0 on left\nsteps t = 0 to 2 by auto with first=1e-3\n";
+    for (name, scene) in [("rest", rest), ("still", still)] {
+        let ran = run(&format!("auto-{name}"), scene, &[]);
+        ran.assert_silent();
+        assert!(ran.steps() < 120, "{name}: {} steps", ran.steps());
+    }
+}
+
+/// A bar that vibrates in uniform flight is as exact as one that stays: it was 140 % off at a hundred times its speed, in a sixth of the steps.
+#[test]
+fn a_bar_vibrates_in_flight_as_at_rest() {
+    for scheme in ["bdf2", "newmark", "generalised_alpha rho_inf=0.8"] {
+        let ran = |speed: &str| {
+            let scene = format!(
+                "param V = {speed}\nmesh box [0] to [1] cells [8] segment\nunknown u : scalar P2\nstart u = 0.1*cos(pi*x)\n\
+                 start Dot_u = V\nterm inertia on all : Dot2_u*Test_u\nterm stress on all : Grad_u.Grad_Test_u\nscheme {scheme}\n\
+                 steps t = 0 to 4 by auto\nmeasure d = value(u - V*t) at [1]\n"
+            );
+            run(&format!("auto-flight-{}-{speed}", scheme.replace([' ', '='], "-")), &scene, &[])
+        };
+        let right = ran("0").last("d");
+        for speed in ["1", "100", "1e4", "1e6"] {
+            let found = ran(speed);
+            found.assert_silent();
+            assert!((found.last("d") / right - 1.0).abs() < 1e-3, "{scheme} {speed}: {} for {right}", found.last("d"));
+        }
+        // there the speed is rounded to 1e-7
+        assert!((ran("1e9").last("d") / right - 1.0).abs() < 0.03, "{scheme}");
+    }
+}
+
+/// Two masses in flight of which one hits the other: beside a flight that is a hundred times as fast the demanded error of it is 10 % of the
+/// impact, which is told.
+#[test]
+fn an_impact_in_fast_flight_is_told() {
+    for (speed, told) in [("0", false), ("1", false), ("100", true), ("1e6", true)] {
+        let scene = format!(
+            "param V = {speed}\nmesh box [0] to [1] cells [1] segment with idle_cells=allowed\nunknown a : scalar global\n\
+             unknown b : scalar global\nstart b = 0.1\nstart Dot_a = V + 1\nstart Dot_b = V\ndef p = 1e4*pos_part(a - b)\n\
+             term inertia_a on global : Dot2_a*Test_a\nterm inertia_b on global : Dot2_b*Test_b\n\
+             term contact on global : p*(Test_a - Test_b)\nsteps t = 0 to 1 by auto\nmeasure v = value(Dot_b - V) at [0]\n"
+        );
+        let ran = run(&format!("auto-impact-{speed}"), &scene, &[]);
+        assert!(ran.code == 0 && ran.tells("W618") == told, "{speed}: {}", ran.text);
+        assert!(told || (ran.last("v") - 1.0).abs() < 1e-2, "{speed}: {}", ran.last("v"));
+    }
+}

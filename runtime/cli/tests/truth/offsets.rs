@@ -205,3 +205,20 @@ fn an_impact_in_uniform_flight() {
         assert!(ran.code == 0 && apart(&ran, &right, "P") < most && apart(&ran, &right, "v") < most, "{}", ran.text);
     }
 }
+
+/// A temperature that the trapezoidal rule makes alternate from step to step is told beside any constant: it was not beside 1e4.
+#[test]
+fn values_that_alternate_are_told_beside_any_constant() {
+    let ran = |c: &str, load: &str| {
+        let scene = format!(
+            "param c = {c}\nmesh box [0] to [1] cells [20] segment\nregion left = faces where x == 0\nunknown T : scalar\n\
+             term heat on all : Dot_T*Test_T + 10*Grad_T.Grad_Test_T\nstart T = c\nload T = {load} on all\n\
+             fix T = c + {load} on left\nscheme newmark\nsteps t = 0 to 1 by 0.1\nmeasure m = value(T - c) at [0.5]\n"
+        );
+        run(&format!("offset-rings-{c}-{load}"), &scene, &[])
+    };
+    for c in ["0", "293", "1e4", "1e6"] {
+        assert!(ran(c, "1").tells("W652"), "{c}");
+        assert!(!ran(c, "0*t").tells("W652"), "{c}");
+    }
+}
