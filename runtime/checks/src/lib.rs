@@ -45,7 +45,7 @@ pub use response::{Response, bound};
 pub use rigid_motions::LooseMotions;
 pub use row_signs::RowSigns;
 pub use signs::{DrivenSides, UnbalancedLoad, driven_sides, unbalanced_loads};
-pub use stability::{Doubt, Unstable, doubted, is_due, unstable};
+pub use stability::{Doubt, Spend, Unstable, doubted, is_due, unstable};
 pub use strains::{LargeStrain, SmallStrainBody, large_strains, small_strain_bodies};
 pub use tractions::{UndeclaredMultiplier, undeclared_multipliers};
 pub use turned::{TurnedCells, turned_cells};

@@ -37,8 +37,19 @@ pub fn is_due(step: usize, is_last: bool) -> bool {
     is_last || (step + 1).is_power_of_two()
 }
 
+/// What may be spent on the question whether a state is stable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Spend {
+    /// A factor, also where none says that it may not be.
+    Factor,
+    /// Nothing, but where there is a suspicion.
+    Nothing,
+}
+
 /// That a state may not be stable.
-pub struct Doubt {
+pub struct Doubt<'a> {
+    system: &'a System,
+    u: &'a [f64],
     groups: Groups,
     /// A factor says so, and not only that nobody has looked.
     is_suspicious: bool,
@@ -48,16 +59,17 @@ pub struct Doubt {
 /// The equations of the first step and the first values.
 type Start<'a> = &'a dyn Fn() -> Option<(System, Vec<f64>)>;
 
-/// Whether it is worth a tangent to know if the state is stable. `due` says that a factor may be spent on the question; `rows` is what the
-/// run knows of the signs of its equations, from its `start`.
+/// Whether it is worth a tangent to know if the state `u` is stable; `rows` is what the run knows of the signs of its equations, from its
+/// `start`.
 #[must_use]
-pub fn doubted(
-    system: &System,
+pub fn doubted<'a>(
+    system: &'a System,
+    u: &'a [f64],
     solver: &LinearSolver,
-    due: bool,
+    spend: Spend,
     rows: &mut RowSigns,
     start: Start<'_>,
-) -> Option<Doubt> {
+) -> Option<Doubt<'a>> {
     let known = solver.is_definite();
     let is_settled = known == Some(true) || system.is_linear() || has_rates(system);
     if is_settled || !system.team().is_alone() || !solver.is_ours() {
@@ -67,7 +79,7 @@ pub fn doubted(
     // a factor of the whole that is not Cholesky's has met a tangent that is not positive definite
     let is_doubtful = known == Some(false) || solver.factors_all() && solver.lost_definiteness();
     // the levels of GMRES tell of the bodies, or of the motion, at the next step
-    let is_due = due && solver.factors_all() && !solver.iterates_by_gmres();
+    let is_due = spend == Spend::Factor && solver.factors_all() && !solver.iterates_by_gmres();
     let is_symmetric = solver.may_be_symmetric();
     // what the start says of rows is asked for where nothing else tells; the sign at hand may be that of the iterate before the last
     let mut has_turned = || {
@@ -78,19 +90,18 @@ pub fn doubted(
         true => is_doubtful || !is_due && has_turned() == Some(true),
         false => has_turned().unwrap_or(is_doubtful),
     };
-    (is_due || is_suspicious).then_some(Doubt { groups, is_suspicious, is_symmetric })
+    (is_due || is_suspicious).then_some(Doubt { system, u, groups, is_suspicious, is_symmetric })
 }
 
 /// The directions in which a state that is doubted is not stable; `None` where there are none, or where that is not known.
 #[must_use]
 pub fn unstable(
-    doubt: &Doubt,
-    (system, u): (&System, &[f64]),
+    doubt: &Doubt<'_>,
     solver: &mut LinearSolver,
     rows: &mut RowSigns,
     start: Start<'_>,
 ) -> Option<Unstable> {
-    let Doubt { groups, is_suspicious, is_symmetric } = doubt;
+    let Doubt { system, u, groups, is_suspicious, is_symmetric } = doubt;
     let mut tangent = system.new_tangent();
     system.tangent(u, Branches::AsWritten, &mut tangent).ok()?;
     if solver.finds_definite(&tangent) {

@@ -235,8 +235,7 @@ impl Field {
         let rows = Arc::clone(&group.side(side).rows);
         let data = group.side(side);
         let edge = if side == Side::Here { group.edge } else { group.edge_there };
-        let mut nodes: Vec<u32> = Vec::new();
-        let mut element = None;
+        let mut all = None;
         for k in 0..n {
             let facet = data.facets.get(k);
             let found = match space.support() {
@@ -251,13 +250,10 @@ impl Field {
                 let cell = data.cells[k].index();
                 return Err(FieldError::NotHere { field: self.name.clone(), place: format!("cell {cell}") });
             };
-            if nodes.is_empty() {
-                nodes.reserve_exact(n * its_nodes.len());
-            }
+            let (_, nodes) = all.get_or_insert_with(|| (of_entity, Vec::with_capacity(n * its_nodes.len())));
             nodes.extend_from_slice(its_nodes);
-            element.get_or_insert(of_entity);
         }
-        let Some(element) = element else { return Ok(Tabulated { nodes, ..Tabulated::default() }) };
+        let Some((element, nodes)) = all else { return Ok(Tabulated::default()) };
         if matches!(space.support(), Support::Cells(_)) {
             return Ok(Tabulated { table: element.tabulate(&data.points, order), nodes, rows, ..Tabulated::default() });
         }

@@ -24,7 +24,7 @@ const PATIENCE: usize = 2;
 /// A correction so small, relative to the unknowns, is rounding of them; four units of it, as the floor of residuals has.
 const ENOUGH: f64 = 4.0 * f64::EPSILON;
 
-/// What the first correction may leave of its right-hand side: it tells whether there is anything to correct, for which few digits serve, as
+/// Part of its right-hand side that the first correction may leave: it tells whether there is anything to correct, for which few digits serve, as
 /// they do where digits are estimated. With a factor it leaves rounding, with an iteration this takes a quarter of the time.
 const LEFT_OF_FIRST: f64 = 1e-3;
 
@@ -57,7 +57,7 @@ pub(super) fn refine(
     let (mut best, mut since) = ((f64::INFINITY, u.to_vec()), 0);
     while history.refined < MOST && since < PATIENCE {
         let left = if history.refined == 0 { LEFT_OF_FIRST } else { 0.0 };
-        let Ok(size) = one(step, u, (norm, left), history) else { break };
+        let Ok(size) = one(step, u, norm, left, history) else { break };
         since = if size < 0.5 * best.0 { 0 } else { since + 1 };
         if size < best.0 {
             best = (size, u.to_vec());
@@ -75,7 +75,8 @@ pub(super) fn refine(
 fn one(
     step: &mut LoadStep<'_>,
     u: &mut [f64],
-    (norm, left): (&Norm, f64),
+    norm: &Norm,
+    left: f64,
     history: &mut StepHistory,
 ) -> Result<f64, NewtonError> {
     let start = u.to_vec();

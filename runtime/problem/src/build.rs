@@ -350,9 +350,9 @@ impl Builder<'_> {
         let unused_fields = self.unused_fields(&used, &numbering);
         let env = self.owned_env();
         let system = System::new(self.mesh, self.fields, numbering, terms, known);
-        let made = with_contact(system, contact, self.keep, within(&steps));
+        let (system, contact) = with_contact(system, contact, self.keep, within(&steps));
         let at = idle::Sides { topology: &self.topology, mappings: self.mappings, shared: &shared };
-        let (mut system, contact, idle) = without_idle(made, self.script, at, self.diagnostics)?;
+        let (mut system, contact, idle) = without_idle(system, contact, self.script, at, self.diagnostics)?;
         system.plan_past(past);
         Some(Scene {
             explicit: None,
@@ -542,7 +542,8 @@ fn with_contact(
 /// A system and its contact without idle multipliers, and what is said of those; `None` after a message. On a part of the
 /// mesh they are left out as on the whole one.
 fn without_idle(
-    (mut system, mut contact): (System, Contact),
+    mut system: System,
+    mut contact: Contact,
     script: &ResolvedScript,
     sides: idle::Sides<'_>,
     diagnostics: &mut Vec<Diagnostic>,

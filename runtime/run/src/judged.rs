@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use wfl_checks::{Accuracy, NarrowZone, Others, PhysicsCheck, Solved, TurnedCells, Unstable, Zigzag};
+use wfl_checks::{Accuracy, NarrowZone, Others, PhysicsCheck, Solved, Spend, TurnedCells, Unstable, Zigzag};
 use wfl_compiler::types::FieldKind;
 use wfl_contact::slid_past_faces;
 use wfl_discrete::{
@@ -119,15 +119,15 @@ impl Run {
     }
 
     /// In which directions the converged state is not stable. Told once: later states lie on the branch of the first.
-    fn look_at_stability(&mut self, scene: &Solving<'_>, due: bool) -> Option<Unstable> {
+    fn look_at_stability(&mut self, scene: &Solving<'_>, spend: Spend) -> Option<Unstable> {
         let Self { stepper, row_signs, u, .. } = self;
         let (solver, tangent) = (stepper.solver.as_mut()?, stepper.tangent.as_mut()?);
         let start = || start(scene);
-        let doubt = wfl_checks::doubted(scene.system, solver, due, row_signs, &start)?;
+        let doubt = wfl_checks::doubted(scene.system, u, solver, spend, row_signs, &start)?;
         // the tangent of the last iterate is needed no more, and takes as much memory as that of the state
         tangent.forget_operator();
         solver.forget_applied();
-        wfl_checks::unstable(&doubt, (scene.system, u), solver, row_signs, &start)
+        wfl_checks::unstable(&doubt, solver, row_signs, &start)
     }
 
     /// How good the converged state is.
@@ -168,7 +168,8 @@ impl Run {
         let turned = wfl_checks::turned_cells(system, &self.u);
         // a check never fails a state that has converged: what it cannot evaluate it does not judge
         let others = wfl_checks::others(system, contact, solver, &self.u, known.most).unwrap_or_default();
-        let unstable = |of: &mut Self| if known.unstable { None } else { of.look_at_stability(scene, due) };
+        let spend = if due { Spend::Factor } else { Spend::Nothing };
+        let unstable = |of: &mut Self| if known.unstable { None } else { of.look_at_stability(scene, spend) };
         let few = history.hidden > 0.0 || accuracy.as_ref().is_some_and(|a| a.digits() < findings::FEW_DIGITS);
         let doubtful = few || found.iter().any(|c| !c.holds());
         // where the prescribed values alone turn cells inside out, the state of rest is no state at all

@@ -142,17 +142,18 @@ impl<T: Real> Blocks<T> {
             columns.copy_from_slice(of_row);
             values.iter_mut().zip(blocks).for_each(|(slot, value)| *slot = T::of(*value));
         };
-        Self::by_rows(n, ([size, size], n), count, fill)
+        Self::by_rows(n, [size, size], n, count, fill)
     }
 
-    /// A matrix of so many rows, row by row: `shape` of its blocks with the number of its columns, `count` says how many blocks a row has,
+    /// A matrix of so many rows, row by row, with `n_cols` columns of blocks: `count` says how many blocks a row has,
     /// `fill` writes their columns and values. What both need is kept by thread.
     ///
     /// # Errors
     /// [`TooMuchMemory`].
     pub(super) fn by_rows<B: Default>(
         n: usize,
-        (shape, n_cols): ([usize; 2], usize),
+        shape: [usize; 2],
+        n_cols: usize,
         count: impl Fn(&mut B, usize) -> usize + Sync,
         fill: impl Fn(&mut B, usize, &mut [u32], &mut [T]) + Sync,
     ) -> Result<Self, TooMuchMemory> {

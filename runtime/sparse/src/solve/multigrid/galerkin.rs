@@ -6,7 +6,6 @@
 //!
 //! Promises: of a symmetric matrix the result is exactly symmetric; the same bits for any number of threads.
 
-use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::blocks::{Blocks, Real, RowBuffer, Rows, Transfer};
@@ -81,7 +80,15 @@ fn parts<T: Real>(a: &dyn Rows, p: &Transfer<T>, triangle: Triangle) -> Vec<Part
     let part = |workspace: &mut Workspace, chunk: usize| -> Part {
         let mut part = (Vec::new(), Vec::new(), Vec::new());
         for row in chunk * ROWS..((chunk + 1) * ROWS).min(n_coarse) {
-            Arch::new().dispatch(CoarseRow { a, p, row, workspace, triangle });
+            match p.down.shape {
+                [1, 1] => coarse_row::<1, 1, T>(a, p, row, workspace, triangle),
+                [2, 2] => coarse_row::<2, 2, T>(a, p, row, workspace, triangle),
+                [2, 3] => coarse_row::<2, 3, T>(a, p, row, workspace, triangle),
+                [3, 3] => coarse_row::<3, 3, T>(a, p, row, workspace, triangle),
+                [3, 6] => coarse_row::<3, 6, T>(a, p, row, workspace, triangle),
+                [6, 6] => coarse_row::<6, 6, T>(a, p, row, workspace, triangle),
+                _ => unreachable!("blocks have one, two, three or six rows"),
+            }
             let mut order: Vec<usize> = (0..workspace.coarse.len()).collect();
             order.sort_unstable_by_key(|k| workspace.coarse[*k]);
             part.0.push(order.len());
@@ -95,35 +102,7 @@ fn parts<T: Real>(a: &dyn Rows, p: &Transfer<T>, triangle: Triangle) -> Vec<Part
     (0..n_coarse.div_ceil(ROWS)).into_par_iter().map_init(workspace, part).collect()
 }
 
-/// A row of the result to be made, compiled for every width of vectors.
-struct CoarseRow<'a, T> {
-    a: &'a dyn Rows,
-    p: &'a Transfer<T>,
-    row: usize,
-    workspace: &'a mut Workspace,
-    triangle: Triangle,
-}
-
-impl<T: Real> WithSimd for CoarseRow<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
-        let Self { a, p, row, workspace, triangle } = self;
-        match p.down.shape {
-            [1, 1] => coarse_row::<1, 1, T>(a, p, row, workspace, triangle),
-            [2, 2] => coarse_row::<2, 2, T>(a, p, row, workspace, triangle),
-            [2, 3] => coarse_row::<2, 3, T>(a, p, row, workspace, triangle),
-            [3, 3] => coarse_row::<3, 3, T>(a, p, row, workspace, triangle),
-            [3, 6] => coarse_row::<3, 6, T>(a, p, row, workspace, triangle),
-            [6, 6] => coarse_row::<6, 6, T>(a, p, row, workspace, triangle),
-            _ => unreachable!("blocks have one, two, three or six rows"),
-        }
-    }
-}
-
 /// Fills `row` of the workspace, at and above the diagonal or all of it.
-#[inline(always)]
 fn coarse_row<const B: usize, const K: usize, T: Real>(
     a: &dyn Rows,
     p: &Transfer<T>,

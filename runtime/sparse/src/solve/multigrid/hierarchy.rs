@@ -135,7 +135,7 @@ impl Hierarchy {
         let (a, transfer) = galerkin_then_rounded(matrix, transfer);
         let finest = Step::new(level, transfer);
         let again = || first().map(|coarsened| coarsened.transfer);
-        Self::below(finest, (a, modes), Aggregation { k, threshold, coarsest: most_unknowns }, &again)
+        Self::below(finest, a, modes, Aggregation { k, threshold, coarsest: most_unknowns }, &again)
     }
 
     /// Makes the levels of an operator; its first coarser one is that of elements of degree 1.
@@ -156,14 +156,15 @@ impl Hierarchy {
         let a = Blocks::rounded(&NodeRows::of_coarser(&matrix, &coarser, size, scale))?;
         drop(coarser);
         let how = Aggregation { k, threshold: WEAK, coarsest: COARSEST };
-        Self::below(finest, (a, modes), how, &|| Ok(first().transfer))
+        Self::below(finest, a, modes, how, &|| Ok(first().transfer))
     }
 
     /// The levels below the finest one: the matrix of the first of them with its near null space. `again` makes the prolongation
     /// from there in double precision, which a motion without energy needs and a cycle does not.
     fn below(
         finest: Step<f32, Finest>,
-        (mut a, mut modes): (Blocks<f64>, Vec<f64>),
+        mut a: Blocks<f64>,
+        mut modes: Vec<f64>,
         how: Aggregation,
         again: &dyn Fn() -> Result<Transfer<f64>, SolveError>,
     ) -> Result<Self, SolveError> {

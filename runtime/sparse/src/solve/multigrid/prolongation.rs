@@ -37,12 +37,11 @@ pub(super) fn smoothed(
 ) -> Result<Coarsened, TooMuchMemory> {
     let (tentative, coarse) = orthonormal(groups, modes, a.size(), n_modes);
     let smoother = Smoother { a, groups, tentative: &tentative, inverse, n_modes, factor: DAMPING / largest };
-    let shape = ([a.size(), n_modes], groups.count);
     let count = |buffers: &mut Buffers, node: usize| smoother.near(node, buffers);
     let fill = |buffers: &mut Buffers, node: usize, columns: &mut [u32], blocks: &mut [f64]| {
-        smoother.row(node, buffers, (columns, blocks));
+        smoother.row(node, buffers, columns, blocks);
     };
-    let down = Blocks::by_rows(a.n_nodes(), shape, count, fill)?;
+    let down = Blocks::by_rows(a.n_nodes(), [a.size(), n_modes], groups.count, count, fill)?;
     Ok(Coarsened { transfer: Transfer::new(down), modes: coarse })
 }
 
@@ -78,7 +77,7 @@ impl Smoother<'_> {
     }
 
     /// Fills the columns and the blocks of a row.
-    fn row(&self, node: usize, buffers: &mut Buffers, (out_columns, out): (&mut [u32], &mut [f64])) {
+    fn row(&self, node: usize, buffers: &mut Buffers, out_columns: &mut [u32], out: &mut [f64]) {
         let (b, k) = (self.a.size(), self.n_modes);
         self.near(node, buffers);
         let Buffers { row, near, sums } = buffers;

@@ -227,7 +227,8 @@ impl CheckedMultigrid {
     /// that is not asked about).
     fn iterate(
         &mut self,
-        (source, loaded): (&Source, &mut Loaded),
+        source: &Source,
+        loaded: &mut Loaded,
         rhs: &[f64],
         x: &mut [f64],
         [error, left]: [f64; 2],
@@ -282,7 +283,7 @@ impl CheckedMultigrid {
         let (mut part, mut product) = (vec![0.0; x.len()], vec![0.0; x.len()]);
         let mut before = norm(rhs);
         for round in 0..=RESTARTS {
-            let outcome = self.iterate((&source, loaded), &left, &mut part, [wanted, asked * norm(rhs) / norm(&left)]);
+            let outcome = self.iterate(&source, loaded, &left, &mut part, [wanted, asked * norm(rhs) / norm(&left)]);
             iterations += outcome.iterations;
             match outcome.ending {
                 Ending::Converged => {}
@@ -334,7 +335,7 @@ impl LinearSolver for CheckedMultigrid {
         let n = self.layout.places.len();
         let mut solver = |_, x: &mut [f64]| {
             let rhs = x.to_vec();
-            self.iterate((&source, &mut loaded), &rhs, x, [ROUGH, 0.0]);
+            self.iterate(&source, &mut loaded, &rhs, x, [ROUGH, 0.0]);
         };
         let inverse = inverse_norm_estimate(n, &mut solver);
         let norm = match &source {
