@@ -13,7 +13,7 @@ use super::plan::{Extent, LinearPlan, Systems};
 /// unknowns (docs/solvers.md).
 const WAYS: Ways = Ways {
     factors: Factors { bytes: 13e3, seconds: 4.2, power: 1.97, solution: 0.2 },
-    iteration: Iteration { bytes: 3.7e3, levels: 0.5, solution: 4.0 },
+    iteration: Iteration { bytes: 3.2e3, levels: 0.5, solution: 2.2 },
     small: 30_000,
 };
 

@@ -40,3 +40,26 @@ pub struct Attempt {
     /// What came of it.
     pub end: AttemptEnd,
 }
+
+impl Attempt {
+    /// Whether it came to nothing and a shorter increment took its place, which knows nothing of it.
+    pub(crate) fn is_left_behind(&self) -> bool {
+        let has_ended = matches!(self.end, AttemptEnd::Converged | AttemptEnd::Forced(_));
+        self.path == Path::Chosen && !has_ended
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_attempt_at_a_longer_increment_leaves_nothing_and_a_part_of_a_step_does() {
+        let attempt = |path, end| Attempt { path, part: (0.0, 4.0), iterations: 20, linear_solves: 150, end };
+        assert!(attempt(Path::Chosen, AttemptEnd::NotConverged).is_left_behind());
+        assert!(attempt(Path::Chosen, AttemptEnd::Rejected(3.0)).is_left_behind());
+        assert!(!attempt(Path::Chosen, AttemptEnd::Converged).is_left_behind());
+        assert!(!attempt(Path::Chosen, AttemptEnd::Forced(3.0)).is_left_behind());
+        assert!(!attempt(Path::Steps, AttemptEnd::NotConverged).is_left_behind());
+    }
+}

@@ -287,18 +287,18 @@ fn unstable(steps: &[StepResult]) -> Option<Diagnostic> {
 /// W641: the step that took the most iterations, if those are many times what the other steps took.
 fn laborious(steps: &[StepResult]) -> Option<Diagnostic> {
     let converged = || steps.iter().filter(|s| s.history.converged());
-    let most = converged().max_by(|a, b| a.iterations().cmp(&b.iterations()))?;
-    let mut all: Vec<usize> = converged().map(StepResult::iterations).filter(|n| *n > 0).collect();
+    let most = converged().max_by(|a, b| a.iterations_of_state().cmp(&b.iterations_of_state()))?;
+    let mut all: Vec<usize> = converged().map(StepResult::iterations_of_state).filter(|n| *n > 0).collect();
     all.sort_unstable();
     let usual = all.get((all.len().max(1) - 1) / 2)?.max(&FEW_ITERATIONS);
     // of one step there is nothing to compare it with
     let several = converged().count() > 1;
     let usual = if all.len() < 2 { FEW_ITERATIONS } else { *usual };
-    (several && most.iterations() >= LABORIOUS * usual).then(|| {
+    (several && most.iterations_of_state() >= LABORIOUS * usual).then(|| {
         let text = format!(
             "the step to t = {} took {} iterations, other steps about {usual}",
             most.window.end,
-            most.iterations()
+            most.iterations_of_state()
         );
         Diagnostic::new(Code::W641, text)
             .note("it may have ended in another state than that which the steps before lead to")

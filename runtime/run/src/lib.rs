@@ -175,6 +175,11 @@ impl StepResult {
         self.attempts.iter().map(|a| a.linear_solves).sum()
     }
 
+    /// The same without attempts at increments that were too long: they leave nothing in the state.
+    pub(crate) fn iterations_of_state(&self) -> usize {
+        self.attempts.iter().filter(|a| !a.is_left_behind()).map(|a| a.linear_solves).sum()
+    }
+
     /// The attempts where one was not enough.
     #[must_use]
     pub fn parts(&self) -> &[Attempt] {

@@ -302,9 +302,20 @@ impl Csr {
     /// # Errors
     /// [`CsrError::Shape`] unless square.
     pub fn symmetric_part(&self) -> Result<Self, CsrError> {
-        let mut sum = self.plus(&self.transpose())?;
-        sum.values.iter_mut().for_each(|value| *value *= 0.5);
-        Ok(sum)
+        if !self.pattern.is_symmetric() {
+            let mut sum = self.plus(&self.transpose())?;
+            sum.values.iter_mut().for_each(|value| *value *= 0.5);
+            return Ok(sum);
+        }
+        // rows come in order, and so do the mirror images in each row
+        let mut next = self.pattern.row_starts().to_vec();
+        let mean = |(column, value): (&u32, &f64)| {
+            let place = &mut next[*column as usize];
+            *place += 1;
+            0.5 * (value + self.values[*place - 1])
+        };
+        let values = self.pattern.columns().iter().zip(&self.values).map(mean).collect();
+        Ok(Self { pattern: Arc::clone(&self.pattern), values })
     }
 
     /// By row the square root of its largest magnitude. Rounding of an entry that couples two unknowns is a part of what both
@@ -437,6 +448,17 @@ mod tests {
         assert_eq!(a.transpose().get(0, 2), 4.0);
         assert_eq!((a.norm_1(), a.norm_inf(), a.max_abs()), (6.5, 9.0, 5.0));
         assert!(!a.is_symmetric(0.1) && a.plus(&a.transpose()).unwrap().is_symmetric(0.0));
+    }
+
+    #[test]
+    fn the_symmetric_part_is_the_mean_with_the_transpose() {
+        let whole = sample();
+        let lacking = Csr::from_triplets(3, 3, &[(0, 1, 4.0), (2, 0, 4.0), (2, 2, 5.0)]).unwrap();
+        assert!(whole.pattern().is_symmetric() && !lacking.pattern().is_symmetric());
+        for a in [whole, lacking] {
+            let part = a.symmetric_part().unwrap();
+            assert!((0..9).all(|k| part.get(k / 3, k % 3) == 0.5 * (a.get(k / 3, k % 3) + a.get(k % 3, k / 3))));
+        }
     }
 
     /// A stiff unknown beside a soft one, which couple with opposite signs: in other units the matrix is not symmetric
