@@ -109,6 +109,23 @@ fn a_refusal_within_a_step_is_told_as_a_lack_of_memory() {
     assert!(refusals > 0);
 }
 
+/// The matrix of tangents is made where the first one is asked for: where it does not fit, no other start or method is tried.
+#[test]
+fn a_matrix_of_tangents_that_does_not_fit_is_told() {
+    let folder = Folder::new("tangents");
+    folder.write(
+        "scene.wfl",
+        "wfl 1\nmesh box [0,0,0] to [1,1,1] cells [14,14,14] tet\nregion low = faces where z == 0\n\
+         region top = faces where z == 1\nunknown u : vector P2\ndef F = Id(3) + Grad_u\n\
+         term body on all : (F - Inv(F)' + 2*log(Det(F))*Inv(F)'):Grad_Test_u\nfix u = [0,0,0] on low\n\
+         fix u = [0,0,-0.05] on top\nsolver linear with direct\n",
+    );
+    for limit in ["80MB", "120MB"] {
+        let told = folder.refused(&["run", "scene.wfl", "--memory", limit, "--threads", "1"]);
+        assert!(told.contains("E606") && told.contains("matrix") && !told.contains("E601"), "{limit}: {told}");
+    }
+}
+
 /// A limit on addresses, set from outside, ends with the same message, not with an abort.
 #[cfg(target_os = "linux")]
 #[test]

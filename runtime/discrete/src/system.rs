@@ -334,6 +334,9 @@ impl System {
         self.set_laws(window);
         let zero = vec![0.0; self.numbering.n_dofs];
         let linear = self.is_linear();
+        if !linear && self.without_matrix.is_none() {
+            self.located()?;
+        }
         let (start, held) = match (&self.known.rates, &self.known.previous) {
             (Some(rates), Some(past)) => match rates.predicted(&past.unknowns).filter(|_| linear) {
                 Some((base, held)) => (base, Some(held)),

@@ -6,7 +6,7 @@ use wfl_discrete::assemble::TermError;
 use wfl_discrete::finite::BadGiven;
 use wfl_discrete::system::SystemError;
 use wfl_host::memory::TooMuchMemory;
-use wfl_sparse::solve::SolveError;
+use wfl_sparse::{csr::CsrError, solve::SolveError};
 
 /// What a singular tangent leaves undetermined, and why.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -26,7 +26,7 @@ pub struct Singular {
 pub enum NewtonError {
     /// A term gave a number that is not finite.
     #[error(transparent)]
-    Term(#[from] TermError),
+    Term(TermError),
     /// A step could not be assembled.
     #[error(transparent)]
     System(SystemError),
@@ -94,7 +94,17 @@ impl NewtonError {
     }
 }
 
-/// A need for memory is one kind of error, whoever had it.
+/// A need for memory is one kind of error, whoever had it: also where a matrix is made when a tangent is asked for.
+impl From<TermError> for NewtonError {
+    fn from(error: TermError) -> Self {
+        match error {
+            TermError::Matrix(CsrError::TooMuchMemory(need)) => Self::TooMuchMemory(need),
+            other => Self::Term(other),
+        }
+    }
+}
+
+/// The same of solvers.
 impl From<SolveError> for NewtonError {
     fn from(error: SolveError) -> Self {
         match error {
@@ -108,7 +118,7 @@ impl From<SolveError> for NewtonError {
 impl From<SystemError> for NewtonError {
     fn from(error: SystemError) -> Self {
         match error {
-            SystemError::Term(term) => Self::Term(term),
+            SystemError::Term(term) => term.into(),
             SystemError::Given(bad) => Self::Given(bad),
             SystemError::TooMuchMemory(need) => Self::TooMuchMemory(need),
             other => Self::System(other),
@@ -134,6 +144,7 @@ mod tests {
         let needs = [
             NewtonError::from(SolveError::TooMuchMemory(too_much())),
             NewtonError::from(SystemError::TooMuchMemory(too_much())),
+            NewtonError::from(TermError::Matrix(CsrError::TooMuchMemory(too_much()))),
         ];
         for need in needs {
             assert!(need.ends_the_run() && !need.is_of_the_state() && !need.is_singular(), "{need}");
