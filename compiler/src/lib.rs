@@ -46,6 +46,8 @@ mod summands;
 mod symmetry;
 mod tangent_check;
 mod term;
+#[cfg(test)]
+mod test_law;
 pub mod types;
 mod verify;
 

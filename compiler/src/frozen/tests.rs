@@ -13,6 +13,7 @@ use crate::{
     real::Real,
     symmetry::unit_normals,
     term::{TermSource, compile_term},
+    test_law::{self, field},
     types::{FieldId, FieldKind, FieldOp, FieldSig, InputSlot, PlaceKind, PlaceSig, Shape},
 };
 
@@ -35,32 +36,19 @@ fn written(text: &str) -> String {
 }
 
 fn fields() -> Vec<FieldSig> {
-    let sig = |name: &str, shape, kind| FieldSig {
-        name: name.to_owned(),
-        shape,
-        degree: 1,
-        kind,
-        global: false,
-        on_faces: false,
-    };
     vec![
-        sig("u", Shape::vector(2), FieldKind::Unknown),
-        sig("w", Shape::vector(2), FieldKind::Unknown),
-        sig("l", Shape::vector(2), FieldKind::Multiplier),
-        sig("g", Shape::SCALAR, FieldKind::Data),
+        field("u", Shape::vector(2), FieldKind::Unknown),
+        field("w", Shape::vector(2), FieldKind::Unknown),
+        field("l", Shape::vector(2), FieldKind::Multiplier),
+        field("g", Shape::SCALAR, FieldKind::Data),
     ]
 }
 
 fn place() -> PlaceSig {
     PlaceSig {
-        name: "fault".to_owned(),
-        kind: PlaceKind::Interface,
         here: vec![true, false, true, true],
         there: vec![false, true, false, false],
-        entities: Vec::new(),
-        description: "an interface".to_owned(),
-        here_name: None,
-        inside: false,
+        ..test_law::place(PlaceKind::Interface, 4)
     }
 }
 

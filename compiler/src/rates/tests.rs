@@ -13,7 +13,8 @@ use crate::{
     law::{Class, Prologue, run_prologue},
     real::Real,
     term::{TermSource, compile_term},
-    types::{BasisSlot, FieldKind, FieldSig, InputSlot, PlaceKind, PlaceSig, RateForm, Shape, UniformSlot},
+    test_law::{field, place},
+    types::{BasisSlot, FieldKind, InputSlot, PlaceKind, RateForm, Shape, UniformSlot},
 };
 
 /// Terms with rates of the vectors `u` and `w`, on faces between two bodies.
@@ -30,26 +31,9 @@ const TERMS: [&str; 8] = [
 
 /// The law of a term.
 fn law(text: &str) -> TermLaw {
-    let sig = |name: &str, shape, kind| FieldSig {
-        name: name.to_owned(),
-        shape,
-        degree: 1,
-        kind,
-        global: false,
-        on_faces: false,
-    };
     let (plane, unknown) = (Shape::vector(2), FieldKind::Unknown);
-    let fields = [sig("u", plane, unknown), sig("w", plane, unknown), sig("g", Shape::SCALAR, FieldKind::Data)];
-    let place = PlaceSig {
-        name: "here".to_owned(),
-        kind: PlaceKind::Facets,
-        here: vec![true; 3],
-        there: vec![false; 3],
-        entities: Vec::new(),
-        description: "a place".to_owned(),
-        here_name: None,
-        inside: false,
-    };
+    let fields = [field("u", plane, unknown), field("w", plane, unknown), field("g", Shape::SCALAR, FieldKind::Data)];
+    let place = place(PlaceKind::Facets, fields.len());
     let env = Env {
         dim: 2,
         fields: &fields,

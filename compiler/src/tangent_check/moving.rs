@@ -6,7 +6,8 @@ use crate::{
     image::mutants::{OF_CLOSEST, OF_RAYS, PARTS, without},
     interp::InterpreterBackend,
     term::{TermSource, compile_term},
-    types::{FieldKind, FieldSig, ImageBy, MappingSig, Moves, PlaceKind, PlaceSig, Shape},
+    test_law::{field, place},
+    types::{FieldKind, FieldSig, ImageBy, MappingSig, Moves, PlaceKind, Shape},
 };
 use wfl::{SourceMap, ast::Expansions, parse_expr};
 
@@ -25,25 +26,9 @@ const LAWS: [&str; 4] = [
 
 /// A law on faces of a body in space of dimension `dim`, with an unknown `u` and data `g` on both sides of a mapping.
 fn law(text: &str, dim: usize, by: ImageBy) -> TermLaw {
-    let sig = |name: &str, shape, kind| FieldSig {
-        name: name.to_owned(),
-        shape,
-        degree: 2,
-        kind,
-        global: false,
-        on_faces: false,
-    };
+    let sig = |name, shape, kind| FieldSig { degree: 2, ..field(name, shape, kind) };
     let fields = [sig("u", Shape::vector(dim), FieldKind::Unknown), sig("g", Shape::SCALAR, FieldKind::Data)];
-    let place = PlaceSig {
-        name: "here".to_owned(),
-        kind: PlaceKind::Facets,
-        here: vec![true; 2],
-        there: vec![false; 2],
-        entities: Vec::new(),
-        description: "a place".to_owned(),
-        here_name: None,
-        inside: false,
-    };
+    let place = place(PlaceKind::Facets, fields.len());
     let u = FieldId::new(0);
     let mapping = MappingSig {
         name: "m".to_owned(),

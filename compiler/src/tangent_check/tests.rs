@@ -7,7 +7,8 @@ use crate::{
     interp::InterpreterBackend,
     ir::{Inst, Kernel, Val},
     term::{TermSource, compile_term},
-    types::{FieldKind, FieldSig, PlaceKind, PlaceSig, Shape},
+    test_law::{field, place},
+    types::{FieldKind, PlaceKind, Shape},
     verify::verify,
 };
 use wfl::{SourceMap, ast::Expansions, parse_expr};
@@ -18,25 +19,8 @@ const NEO_HOOKE: &str =
 
 /// A law on the faces or cells of a plane body with an unknown `u` and a given gap `g`.
 pub(super) fn law(text: &str, energy: bool) -> TermLaw {
-    let sig = |name: &str, shape, kind| FieldSig {
-        name: name.to_owned(),
-        shape,
-        degree: 1,
-        kind,
-        global: false,
-        on_faces: false,
-    };
-    let fields = [sig("u", Shape::vector(2), FieldKind::Unknown), sig("g", Shape::SCALAR, FieldKind::Data)];
-    let place = PlaceSig {
-        name: "here".to_owned(),
-        kind: if energy { PlaceKind::Cells } else { PlaceKind::Facets },
-        here: vec![true; 2],
-        there: vec![false; 2],
-        entities: Vec::new(),
-        description: "a place".to_owned(),
-        here_name: None,
-        inside: false,
-    };
+    let fields = [field("u", Shape::vector(2), FieldKind::Unknown), field("g", Shape::SCALAR, FieldKind::Data)];
+    let place = place(if energy { PlaceKind::Cells } else { PlaceKind::Facets }, fields.len());
     let env = Env {
         dim: 2,
         fields: &fields,
