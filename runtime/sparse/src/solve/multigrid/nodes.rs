@@ -264,10 +264,11 @@ impl<'a> NodeRows<'a> {
         columns.clear();
         let mut has_own = false;
         for group in own.chunks_exact(size) {
-            // places increase along a row
-            let [begin, end] = [group[0], group[size - 1]].map(|column| self.places[column as usize]);
+            let begin = self.places[group[0] as usize];
             let other = begin / size as u32;
-            if begin == NONE || begin % size as u32 != 0 || end != begin + size as u32 - 1 {
+            let is_whole =
+                group.iter().map(|column| self.places[*column as usize]).eq(begin..begin.saturating_add(size as u32));
+            if begin == NONE || !begin.is_multiple_of(size as u32) || !is_whole {
                 return None;
             }
             has_own |= other as usize == node;

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use super::blocks::{RowBuffer, Rows};
+use super::nodes::NodeRows;
 use super::*;
 use crate::csr::{Csr, PatternBuilder};
 use crate::index::NONE;
@@ -260,6 +262,26 @@ fn a_given_interpolation_makes_the_first_coarser_level() {
     let (missed, report, sizes) = solved(&matrix, layout);
     assert_eq!(sizes[1], 8 * 8 * 8);
     assert!(missed < 1e-10 && report.krylov_iterations <= 15, "{missed} {report:?} {sizes:?}");
+}
+
+/// Rows of a matrix in one part are copied where whole nodes couple alike, those of two parts are summed entry by entry; a node of
+/// which a component is prescribed has neighbours of both kinds.
+#[test]
+fn blocks_that_are_copied_are_those_that_are_summed() {
+    let problem = cube(3, true);
+    for left_out in [None, Some(31)] {
+        let kept: Vec<usize> = (0..problem.n()).filter(|row| Some(*row) != left_out).collect();
+        let matrix = restricted(&problem.matrix, &kept);
+        let layout = NodeLayout { places: kept.iter().map(|row| *row as u32).collect(), ..of_box(&problem) };
+        let mut nothing = matrix.clone();
+        nothing.values_mut().fill(0.0);
+        let (alone, both) = ([&matrix], [&matrix, &nothing]);
+        let (copied, summed) = (NodeRows::new(&alone, &layout), NodeRows::new(&both, &layout));
+        let (mut a, mut b) = (RowBuffer::default(), RowBuffer::default());
+        for node in 0..copied.n_nodes() {
+            assert_eq!(copied.row(node, &mut a), summed.row(node, &mut b), "node {node} without {left_out:?}");
+        }
+    }
 }
 
 #[test]
