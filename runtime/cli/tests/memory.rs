@@ -126,6 +126,19 @@ fn a_matrix_of_tangents_that_does_not_fit_is_told() {
     }
 }
 
+/// Of tangents that are applied one is held at a time, and nothing of a matrix that is never made: 133 MB, where two of them and the
+/// places of entries took 247.
+#[test]
+#[cfg_attr(debug_assertions, ignore = "slow: release suite")]
+fn a_scene_without_a_matrix_has_no_room_for_one() {
+    let folder = Folder::new("applied");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../benches/compare/scenes/cube.wfl");
+    let output = folder.wfl(&["run", scene, "--memory", "180MB", "--threads", "1"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let told = String::from_utf8_lossy(&output.stdout);
+    assert!(told.contains("4 of 4 steps converged"), "{told}");
+}
+
 /// A limit on addresses, set from outside, ends with the same message, not with an abort.
 #[cfg(target_os = "linux")]
 #[test]

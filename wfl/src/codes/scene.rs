@@ -287,7 +287,7 @@ pages! {
          definite matrices: no multipliers, no terms that are not symmetric, no unknowns that follow others, and the same \
          number of components, at most three, in all fields that are solved for; terms that are not linear touch most \
          unknowns. The message says what stands against it. `gmres, amg` is the iteration for contact: nonlinear terms on faces of bodies that are \
-         symmetric, where the tangents are not; and for linear scenes of a motion with a pressure. Without these words a small scene gets a factor, which serves every matrix.",
+         symmetric, where the tangents are not; and for a motion with a pressure. Without these words a small scene gets a factor, which serves every matrix.",
         "solver linear with cg, amg  # ... in a scene with `term wind on all : (c.Grad_p)*Test_p`",
         "solver linear with direct",
     ),

@@ -1,7 +1,7 @@
 //! Where the changing terms stand in their matrix.
 //!
-//! Found where it is first asked for: a system whose terms are applied, or that makes explicit steps, never has it. Promises: copies
-//! of a system share what one of them has found, until one is changed.
+//! Found where it is first asked for: a system whose terms are applied never has it. Promises: copies of a system share what one of them
+//! has found, until one is changed.
 
 use std::sync::{Arc, OnceLock};
 
