@@ -68,7 +68,7 @@ fn wander(scene: &Scene, seed: u64) -> Result<(), TestCaseError> {
     let mut other = session(scene);
     let mut kept: Vec<Standing> = vec![stands(&mut other, scene)];
     for _ in 0..ACTIONS {
-        match random.below(4) {
+        match random.below(5) {
             0 => kept.push(stands(&mut other, scene)),
             1 => {
                 let n = random.below(kept.len());
@@ -79,12 +79,41 @@ fn wander(scene: &Scene, seed: u64) -> Result<(), TestCaseError> {
                 prop_assert_eq!(other.steps().len(), to.n_steps());
             }
             2 if kept.len() > 1 => drop(kept.swap_remove(random.below(kept.len()))),
+            3 if scene.explicit.is_none() => {
+                let here = stands(&mut other, scene);
+                begin(scene, &mut other, &mut random)?;
+                let n = other.steps().len();
+                if n < known.len() {
+                    let step = other.step(scene, &mut Quiet).expect("a step").expect("one is left");
+                    prop_assert!(numbers(step) == known[n], "step {} differs behind one that was left", n);
+                } else {
+                    other.go_back(scene, &here, &mut Quiet).expect("it has stood there");
+                }
+            }
             _ if other.steps().len() < known.len() => {
                 let n = other.steps().len();
                 let step = other.step(scene, &mut Quiet).expect("a step").expect("one is left");
                 prop_assert!(numbers(step) == known[n], "step {} differs", n);
             }
             _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Begins steps to any values; of some what is found is no state.
+fn begin(scene: &Scene, session: &mut Session, random: &mut Random) -> Result<(), TestCaseError> {
+    let here = stands(session, scene);
+    let from = session.steps().last().map_or(scene.steps.first(), |last| last.window.end);
+    let span = scene.steps.last() - scene.steps.first();
+    for part in [1e-3, 0.03, 0.2].iter().take(1 + random.below(3)) {
+        let mut u = session.begin(scene, from + part * span).expect("a step").to_vec();
+        prop_assert!(session.residual(&u).is_ok());
+        if random.below(3) == 0 {
+            u[0] = f64::NAN;
+            prop_assert!(session.accept(scene, &u, &mut Quiet).is_err());
+            let there = stands(session, scene);
+            prop_assert_eq!(there.state(), here.state());
         }
     }
     Ok(())

@@ -352,7 +352,8 @@ impl PyScene {
     fn set_unknowns(&self, py: Python<'_>, u: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
         let u = Self::unknowns_of(&*self.held()?, &u)?;
         self.at_work(py, &Listeners::default(), |work, _| {
-            work.session()?.0.set_unknowns(&u);
+            let (session, scene) = work.session()?;
+            session.set_unknowns(scene, &u);
             Ok(())
         })
     }

@@ -12,6 +12,7 @@ mod again;
 mod attempts;
 mod balance;
 mod beginning;
+mod by_caller;
 mod checkpoint;
 mod control;
 mod ended;
@@ -55,6 +56,7 @@ mod watched;
 use std::{sync::mpsc::sync_channel, time::Instant};
 
 pub use attempts::{Attempt, AttemptEnd, Path};
+use by_caller::ByCaller;
 use checkpoint::Log;
 pub use checkpoint::{CHECKPOINT_FILE, CheckpointError, Holders};
 pub use events::Episode;
@@ -77,7 +79,7 @@ pub use report::put_expectations;
 use requests::StepRequest;
 pub use session::{Session, Standing};
 pub use state::State as RunState;
-use stepping::{Making, Reached, StepError, Stepper};
+use stepping::{Integrator, Making, Reached, StepError, Stepper};
 use thiserror::Error;
 pub use trajectory::{Passed, PassedStep, Trajectory};
 use watched::{Seen, Watched};
@@ -471,10 +473,7 @@ impl Run {
         progress.step(number, count, chosen_from.unwrap_or(window.end));
         let mut whole = None;
         let reached = self.advance(scene, request, &mut whole, progress);
-        let judged = reached.and_then(|reached| self.judged(scene, reached));
-        let stopped = |error| RunError::of_step(self.stepper.with_reason(scene, error, &self.u), number, window.end);
-        let step = judged.map_err(stopped)?;
-        let mut step = self.ended(scene, step, progress)?;
+        let mut step = self.taken(scene, request, reached, progress)?;
         let begin = Instant::now();
         step.partial = whole.map(|whole| whole.of_last_part(scene, &self.u, &step)).unwrap_or_default();
         self.clock.measure += begin.elapsed().as_secs_f64();
@@ -493,6 +492,34 @@ impl Run {
         stepping::begin(scene, request, u)?;
         *whole = Whole::new(scene, request.window);
         integrators.of(scene, &request).advance(Making { stepper, scene, u, clock, progress }, request)
+    }
+
+    /// A step that the caller has solved.
+    fn step_by(
+        &mut self,
+        mut caller: ByCaller,
+        scene: &mut Solving<'_>,
+        progress: &mut dyn Progress,
+    ) -> Result<StepResult, RunError> {
+        let Self { u, stepper, clock, .. } = self;
+        let request = caller.request();
+        let reached = caller.advance(Making { stepper, scene, u, clock, progress }, request);
+        self.taken(scene, request, reached, progress)
+    }
+
+    /// What is known of a step at its end, and what it leaves.
+    fn taken(
+        &mut self,
+        scene: &mut Solving<'_>,
+        request: StepRequest,
+        reached: Result<Reached, StepError>,
+        progress: &mut dyn Progress,
+    ) -> Result<StepResult, RunError> {
+        let StepRequest { number, window, .. } = request;
+        let judged = reached.and_then(|reached| self.judged(scene, reached));
+        let stopped = |error| RunError::of_step(self.stepper.with_reason(scene, error, &self.u), number, window.end);
+        let step = judged.map_err(stopped)?;
+        self.ended(scene, step, progress)
     }
 
     /// The end of a step: states are renewed, measures taken.

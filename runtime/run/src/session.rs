@@ -8,17 +8,17 @@ use rayon::ThreadPool;
 use wfl_discrete::{
     finite::BadOutput,
     system::{Branches, Form},
-    window::Window,
 };
-use wfl_newton::{NewtonError, StepHistory};
+use wfl_newton::NewtonError;
 use wfl_output::Hash;
 use wfl_problem::{Equations, Scene};
 use wfl_sparse::csr::Csr;
 
 use super::{
-    Outcome, Progress, Run, RunError, RunOptions, RunState, STACK, StepResult, Trajectory, folder, rates,
+    Outcome, Progress, Run, RunError, RunOptions, RunState, STACK, StepResult, Trajectory,
+    by_caller::ByCaller,
+    folder,
     requests::{self, StepRequest},
-    stepping,
     watched::Watched,
 };
 
@@ -29,7 +29,7 @@ pub struct Session {
     options: RunOptions,
     pool: Option<ThreadPool>,
     /// The step that [`Self::begin`] has prepared.
-    begun: Option<Window>,
+    begun: Option<ByCaller>,
 }
 
 /// Where a session has stood: [`Session::go_back`] returns there.
@@ -92,10 +92,11 @@ impl Session {
         &self.run.steps
     }
 
-    /// All unknowns, prescribed ones included, field after field, node after node, component fastest.
+    /// All unknowns, prescribed ones included, field after field, node after node, component fastest: at the end of the last
+    /// step, or where a step was begun those that [`Self::begin`] gave.
     #[must_use]
     pub fn unknowns(&self) -> &[f64] {
-        &self.run.u
+        self.begun.as_ref().map_or(&self.run.u, |begun| &begun.u)
     }
 
     /// The equations at the present step.
@@ -104,14 +105,23 @@ impl Session {
         &self.equations
     }
 
-    /// Sets the unknowns that the next step starts from; they count as the end of the last step.
+    /// Sets the unknowns that the next step starts from; they count as the end of the last step. A step that was begun is left.
     ///
     /// # Panics
     /// If there are not as many numbers as unknowns.
-    pub fn set_unknowns(&mut self, u: &[f64]) {
+    pub fn set_unknowns(&mut self, scene: &Scene, u: &[f64]) {
+        self.leave(scene);
         self.run.u.copy_from_slice(u);
         if let Some(solver) = &mut self.run.stepper.solver {
             solver.starts_elsewhere();
+        }
+    }
+
+    /// Leaves the step that was begun last: nothing of it is left.
+    fn leave(&mut self, scene: &Scene) {
+        let Self { run, equations, begun, .. } = self;
+        if let Some(begun) = begun.take() {
+            begun.leave(&mut run.stepper, &mut scene.solving(equations), &mut run.u);
         }
     }
 
@@ -157,7 +167,7 @@ impl Session {
         request: StepRequest,
         progress: &mut dyn Progress,
     ) -> Result<&StepResult, RunError> {
-        self.begun = None;
+        self.leave(scene);
         let Self { run, equations, options, pool, .. } = self;
         let solving = &mut scene.solving(equations);
         let step = on(pool.as_ref(), || run.step(solving, request, progress))?;
@@ -179,7 +189,8 @@ impl Session {
 
     /// Begins a step for a caller who solves it: the unknowns become the past, known fields and laws are brought to the
     /// value of the step variable, and prescribed values are written into the unknowns, which are returned. At the first
-    /// step of a scene with rates, where time starts, the unknowns stay as they are given.
+    /// step of a scene with rates, where time starts, the unknowns stay as they are given. A step that was begun before and
+    /// not accepted is left, so that a shorter one can be tried.
     ///
     /// # Errors
     /// [`RunError::Newton`] for a given value that is not finite, and for terms that cannot be assembled;
@@ -188,33 +199,14 @@ impl Session {
         if scene.explicit.is_some() {
             return Err(RunError::NoEquations);
         }
+        self.leave(scene);
         let request = self.request(scene, time);
-        let StepRequest { number, window, .. } = request;
-        let given = number == 0 && scene.steps.from_start;
-        let Self { run, equations, pool, .. } = self;
+        let Self { run, equations, pool, begun, .. } = self;
         let solving = &mut scene.solving(equations);
-        let begun = on(pool.as_ref(), || {
-            stepping::begin(solving, request, &run.u)?;
-            if given {
-                rates::start(solving, &run.u, window)?;
-            }
-            let window = if given { window } else { rates::enter(solving, window) };
-            if !given {
-                let bad = |bad| NewtonError::Given(Box::new(bad));
-                rates::prescribe(solving, window, &mut run.u).map_err(bad)?;
-            }
-            solving.set_data(window)?;
-            let changed = solving.system.begin_step(window)?;
-            solving.contact.begin_step(solving.system.step());
-            if changed {
-                // a factor of the matrix before serves no step that is solved later
-                run.stepper.solver = None;
-            }
-            Ok(())
-        });
-        begun.map_err(|error| RunError::Newton { step: number, time, error })?;
-        self.begun = Some(window);
-        Ok(&self.run.u)
+        let begins = || ByCaller::begin(&mut run.stepper, solving, &mut run.u, request);
+        let step = on(pool.as_ref(), begins);
+        let step = step.map_err(|error| RunError::Newton { step: request.number, time, error })?;
+        Ok(&begun.insert(step).u)
     }
 
     /// True between [`Self::begin`] and the end of that step.
@@ -270,7 +262,8 @@ impl Session {
         })
     }
 
-    /// Takes the state `u`, by dof, as the end of the step that was begun last: states are renewed, measures taken.
+    /// Takes the state `u`, by dof, as the end of the step that was begun last: states are renewed, measures taken. After an
+    /// error nothing of the step is left.
     ///
     /// # Errors
     /// [`RunError::State`] for the update of a state that is not finite; [`RunError::Newton`] for an `u` that is not.
@@ -278,23 +271,11 @@ impl Session {
     /// # Panics
     /// If no step was begun, or `u` has not as many numbers as there are unknowns.
     pub fn accept(&mut self, scene: &Scene, u: &[f64], progress: &mut dyn Progress) -> Result<&StepResult, RunError> {
-        let window = self.begun.take().expect("a step was begun");
-        let time = window.end;
-        let number = self.run.steps.len();
+        let mut begun = self.begun.take().expect("a step was begun");
+        begun.u.copy_from_slice(u);
         let Self { run, equations, options, pool, .. } = self;
         let solving = &mut scene.solving(equations);
-        let finite = solving.system.check_finite("value", u, u);
-        finite.map_err(|error| RunError::Newton { step: number, time, error: error.into() })?;
-        run.u.copy_from_slice(u);
-        let step = on(pool.as_ref(), || {
-            let next = run.stepper.keep_states(solving, window, &run.u);
-            next.map_err(|error| RunError::of_step(error, number, time))?;
-            // the active set is that of another state: a step that is solved next chooses its own
-            solving.contact.set_warm(false);
-            let (history, branches) = (StepHistory::given(), run.branches(solving));
-            let step = StepResult { window, history, branches, ..StepResult::default() };
-            run.ended(solving, step, progress)
-        })?;
+        let step = on(pool.as_ref(), || run.step_by(begun, solving, progress))?;
         progress.step_done(&step);
         run.add(step, solving, options);
         Ok(run.steps.last().expect("added above"))

@@ -42,8 +42,10 @@ impl Stepper {
             }
             Changes::All { memory, known } => {
                 scene.system.set_known(known);
-                let tangent = self.tangent.get_or_insert_with(|| scene.system.new_tangent());
-                memory.recall(scene, tangent)
+                match &mut self.tangent {
+                    Some(tangent) => memory.recall(scene, tangent),
+                    None => memory.recall_without_tangent(scene),
+                }
             }
         };
         debug_assert!(fits, "the snapshot is of these equations");

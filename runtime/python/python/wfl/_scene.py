@@ -559,7 +559,8 @@ class Scene:
 
     def begin(self, t: float) -> Array:
         """Begins a step that you solve: the unknowns become the past, data and laws are those of ``t``, and prescribed
-        values are written into the unknowns, which are returned, shape ``(n_dofs,)``. :meth:`accept` ends it."""
+        values are written into the unknowns, which are returned, shape ``(n_dofs,)``. :meth:`accept` ends it; another
+        ``begin``, or a step of the solver, leaves it."""
         self._warn()
         return self._native.begin(float(t))
 
