@@ -38,22 +38,22 @@ pub(super) struct Predicted {
     pub(super) corrections: usize,
 }
 
-/// The state that the first corrections of a step lead to: from the state `from` of the step before towards the prescribed
+/// The state that the first corrections of a step lead to: from the end `before` of the last step towards the prescribed
 /// values in `u`, which are part of the correction. Where the equations cannot be evaluated at its end (a cell turns
 /// inside out) a part of it is taken, prescribed values included, and the next one carries the rest. `None` where nothing
 /// is moved, or where no such state is found.
 ///
 /// # Errors
 /// [`NewtonError::TooMuchMemory`]: a start without a prediction needs as much. [`NewtonError::Stopped`].
-pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Result<Option<Predicted>, NewtonError> {
+pub(super) fn predict(step: &mut LoadStep<'_>, before: &[f64], u: &[f64]) -> Result<Option<Predicted>, NewtonError> {
     let system = step.system;
     let bodies = system.terms.iter().any(|t| t.on_cells() && t.law.class >= Class::Nonlinear);
-    let is_moved = || (0..u.len()).any(|d| system.numbering.free[d] != FIXED && from[d] != u[d]);
-    if !bodies || system.team().all(from == u) || system.team().any(is_moved()) {
+    let is_moved = || (0..u.len()).any(|d| system.numbering.free[d] != FIXED && before[d] != u[d]);
+    if !bodies || system.team().all(before == u) || system.team().any(is_moved()) {
         return Ok(None);
     }
-    let mut at = from.to_vec();
-    let mut left: Vec<f64> = from.iter().zip(u).map(|(a, b)| b - a).collect();
+    let mut at = before.to_vec();
+    let mut left: Vec<f64> = before.iter().zip(u).map(|(a, b)| b - a).collect();
     for corrections in 1..=step.options.max_iterations {
         if step.watch.stops() {
             return Err(NewtonError::Stopped);
@@ -65,7 +65,7 @@ pub(super) fn predict(step: &mut LoadStep<'_>, from: &[f64], u: &[f64]) -> Resul
         };
         let Some((part, state)) = longest(step, &at, &correction) else { return Ok(None) };
         if part == 1.0 {
-            let is_needed = system.way_of_volumes(from, u, VolumeLimit { kept: 0.0, most: 1.0 }) < 1.0;
+            let is_needed = system.way_of_volumes(before, u, VolumeLimit { kept: 0.0, most: 1.0 }) < 1.0;
             return Ok(Some(Predicted { state, is_needed, corrections }));
         }
         at = state;

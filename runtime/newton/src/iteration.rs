@@ -37,8 +37,8 @@ struct Attempt<'u> {
     u: &'u mut [f64],
     /// The state that it began with.
     start: Vec<f64>,
-    /// By field its largest unknown before that, with those of its group.
-    before: Vec<f64>,
+    /// By field its largest unknown there, with those of its group.
+    largest: Vec<f64>,
     here: Measured,
     norm: Norm,
     schedule: Schedule,
@@ -81,14 +81,14 @@ pub(super) fn iterate(
     let mut norm = Norm::new(weights, schedule.freezes());
     norm.began = Began::here(step.has_single_equations(), step.measures_what_happens());
     let mut history = StepHistory::default();
-    let before = step.system.largest_of_alike(u);
+    let largest = step.system.largest_of_alike(u);
     let here = begin(step, u, predicted, &mut norm, &mut history)?;
     let (best, start) = ((here.relative, u.to_vec()), u.to_vec());
     let (path, downhill, direction) = (None, Downhill::default(), Vec::new());
     let mut attempt = Attempt {
         u,
         start,
-        before,
+        largest,
         here,
         norm,
         schedule,
@@ -184,10 +184,10 @@ impl Attempt<'_> {
                 Err(NewtonError::Solve(SolveError::Singular { .. })) if tries => return self.finish(step, Stop::Floor),
                 Err(error) => left = self.leave(step, error, number)?,
             }
-            if let Some(before) = within
+            if let Some(start) = within
                 && !self.here.is_within(step.options)
             {
-                self.take_back(step, &before)?;
+                self.take_back(step, &start)?;
                 return self.finish(step, Stop::Tolerance);
             }
         }

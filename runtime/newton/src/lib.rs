@@ -98,8 +98,8 @@ pub struct Silent;
 
 impl Watch for Silent {}
 
-/// Solves one step from `u`, which holds the prescribed values already; leaves the best state in `u`. `from` is the
-/// same state before they were written into it.
+/// Solves one step from `u`, which holds the prescribed values already; leaves the best state in `u`. `before` is the
+/// end of the last step, without them.
 ///
 /// Scenes with contact first run with a frozen active set (`contact`); if that does not settle, the methods of the
 /// schedule follow. A smooth scene on cells that is singular at rest (all zero) is started from a displaced state, which
@@ -107,22 +107,22 @@ impl Watch for Silent {}
 ///
 /// # Errors
 /// [`NewtonError`]; a step that does not converge is no error but is marked in the history.
-pub fn solve_step(step: &mut LoadStep<'_>, from: &[f64], u: &mut [f64]) -> Result<StepHistory, NewtonError> {
+pub fn solve_step(step: &mut LoadStep<'_>, before: &[f64], u: &mut [f64]) -> Result<StepHistory, NewtonError> {
     let was_warm = step.contact.is_warm();
     let degenerate = initial_guess::may_be_degenerate(step.system, u);
-    let rest = u.to_vec();
-    let predicted = if step.options.search { initial_guess::predict(step, from, u)? } else { None };
+    let start = u.to_vec();
+    let predicted = if step.options.search { initial_guess::predict(step, before, u)? } else { None };
     step.contact.set_closes_far(false);
     let mut result = iteration::iterate(step, u, predicted.as_ref());
     let is_loose = matches!(&result, Err(NewtonError::Solve(SolveError::Singular { .. })));
     if is_loose && !was_warm && !step.contact.is_empty() && step.system.has_nonlinear_bodies() {
         // what holds a body may be the contact that is open at the start
-        u.copy_from_slice(&rest);
+        u.copy_from_slice(&start);
         step.contact.set_closes_far(true);
         result = iteration::iterate(step, u, predicted.as_ref());
     }
     if degenerate && result.as_ref().is_err_and(NewtonError::is_of_the_state) {
-        u.copy_from_slice(&rest);
+        u.copy_from_slice(&start);
         if initial_guess::displace(step.system, u) {
             match iteration::iterate(step, u, None) {
                 Ok(mut history) => {

@@ -23,9 +23,9 @@ pub(super) struct Rest {
 }
 
 impl Rest {
-    /// Of the bodies that no loads act on and that have vanished beside `before`, their largest unknowns by body when the
+    /// Of the bodies that no loads act on and that have vanished beside `largest`, their largest unknowns by body when the
     /// attempt began, or infinity for any that may be at rest; `None` where there are none, or multipliers alone: these vanish where contact opens.
-    pub(super) fn of(step: &LoadStep<'_>, u: &[f64], before: &[f64]) -> Option<Self> {
+    pub(super) fn of(step: &LoadStep<'_>, u: &[f64], largest: &[f64]) -> Option<Self> {
         let system = step.system;
         let loaded = system.loaded();
         let is_solved = |body: usize| system.range(system.field_of_body(body)).is_some();
@@ -34,7 +34,7 @@ impl Rest {
         }
         let now = system.largest_of_alike(u);
         let has_vanished =
-            |body: usize| is_solved(body) && !loaded[body] && 0.0 < now[body] && now[body] <= VANISHED * before[body];
+            |body: usize| is_solved(body) && !loaded[body] && 0.0 < now[body] && now[body] <= VANISHED * largest[body];
         let bodies: Vec<bool> = (0..loaded.len()).map(has_vanished).collect();
         if !system.unknown_bodies().any(|body| bodies[body]) {
             return None;

@@ -172,7 +172,7 @@ impl Stepper {
     ) -> Result<StepHistory, StepError> {
         self.spent = Spent::default();
         let window = rates::enter(scene, target.window);
-        let from = u.to_vec();
+        let before = u.to_vec();
         // before what is constant in the step is summed: it reads the rates of what is driven
         let prescribed = rates::prescribe(scene, window, u);
         prescribed.map_err(|bad| NewtonError::Given(Box::new(bad)))?;
@@ -201,7 +201,7 @@ impl Stepper {
             rounding: carries.then(Rounding::default),
             reached: None,
         };
-        let result = solve_step(&mut step, &from, u);
+        let result = solve_step(&mut step, &before, u);
         (self.linear, self.spent) = (step.linear, step.spent);
         // a state with rates is moved once more below
         self.residual = step.reached.take().filter(|_| target.load.is_none() && scene.system.rates().is_none());

@@ -61,9 +61,9 @@ impl Attempt<'_> {
     pub(super) fn comes_to_rest(&mut self, step: &mut LoadStep<'_>) -> bool {
         // of what was at rest an iteration that gains nothing has found no more than rounding of other fields, or what moves it
         let stalls = self.history.iterations.len() > 1 && !self.falls();
-        let beside = |before: &f64| if *before == 0.0 && stalls { f64::INFINITY } else { *before };
-        let before: Vec<f64> = self.before.iter().map(beside).collect();
-        let Some(rest) = Rest::of(step, self.u, &before) else { return false };
+        let beside = |largest: &f64| if *largest == 0.0 && stalls { f64::INFINITY } else { *largest };
+        let largest: Vec<f64> = self.largest.iter().map(beside).collect();
+        let Some(rest) = Rest::of(step, self.u, &largest) else { return false };
         let Ok(found) = step.measure(&rest.state, &self.norm) else { return false };
         if !rest.solves(step.system, &found.written.values) || found.stop(step.options).is_none() {
             return false;
@@ -97,9 +97,9 @@ impl Attempt<'_> {
         is_corrected && last.next().is_some_and(|before| self.here.relative >= before.residual)
     }
 
-    /// Goes back to a state within the tolerance, beyond which a correction has found no better one.
-    pub(super) fn take_back(&mut self, step: &mut LoadStep<'_>, before: &[f64]) -> Evaluated<()> {
-        self.u.copy_from_slice(before);
+    /// Goes back to where a correction began, a state within the tolerance, where it has found no better one.
+    pub(super) fn take_back(&mut self, step: &mut LoadStep<'_>, start: &[f64]) -> Evaluated<()> {
+        self.u.copy_from_slice(start);
         if self.norm.frozen {
             step.contact.freeze_as_written(step.system, self.u);
         }
