@@ -43,22 +43,19 @@ pub fn obstacle_of_filter(system: &System) -> Option<String> {
     if system.is_linear() || of_flow.is_none() {
         return of_flow.map(|why| format!("the scene is linear, and {why}"));
     }
-    if has_nonlinear_bodies(system) { obstacle_of_tangents(system) } else { obstacle_of_linear_bodies(system) }
+    if has_whole_tangents(system) { obstacle_of_tangents(system) } else { obstacle_of_linear_bodies(system) }
 }
 
 /// Whether contact on linear bodies, which stay as they are, can be solved in this way.
 #[must_use]
 pub(super) fn serves_linear_bodies(system: &System) -> bool {
-    !system.is_linear() && !has_nonlinear_bodies(system) && obstacle_of_linear_bodies(system).is_none()
+    !system.is_linear() && !has_whole_tangents(system) && obstacle_of_linear_bodies(system).is_none()
 }
 
 /// The same of a scene with linear bodies.
 fn obstacle_of_linear_bodies(system: &System) -> Option<String> {
     if !system.team().is_alone() {
         return Some("there are several ranks".to_owned());
-    }
-    if system.has_moving_images() {
-        return Some("images follow the bodies".to_owned());
     }
     if let Some(term) = system.terms.iter().find(|t| t.law.class == Class::Linear && !t.law.symmetric) {
         return Some(format!("the term `{}` is not symmetric", term.law.name));
@@ -82,8 +79,8 @@ pub(super) fn obstacle_of_tangents(system: &System) -> Option<String> {
     if !system.team().is_alone() {
         return Some("there are several ranks, and the bodies are not linear".to_owned());
     }
-    if system.has_moving_images() {
-        return Some("images follow the bodies".to_owned());
+    if system.has_moving_images() && !system.follows_images() {
+        return Some("images follow the bodies, with local frames or unknowns that follow others".to_owned());
     }
     let of_bodies = |term: &&AssembledTerm| term.law.class >= Class::Nonlinear && !is_on_faces(term);
     let written = system.terms.iter().filter(|term| term.law.class == Class::Linear || of_bodies(term));
@@ -108,16 +105,17 @@ pub(super) fn obstacle_of_tangents(system: &System) -> Option<String> {
     traits.obstacle
 }
 
-/// Whether a term of a body is not linear.
-fn has_nonlinear_bodies(system: &System) -> bool {
-    system.terms.iter().any(|term| term.law.class >= Class::Nonlinear && !is_on_faces(term))
+/// Whether the systems of Newton's method are whole tangents: a term of a body is not linear, or images follow the bodies.
+fn has_whole_tangents(system: &System) -> bool {
+    let is_of_body = |term: &AssembledTerm| term.law.class >= Class::Nonlinear && !is_on_faces(term);
+    system.has_moving_images() || system.terms.iter().any(is_of_body)
 }
 
 /// Whether GMRES on whole tangents is to be used; `steps` are those that are expected.
 #[must_use]
 pub(super) fn is_chosen_for_tangents(system: &System, method: LinearMethod, steps: usize) -> bool {
     TANGENTS.are_left(method, system, [work_of_tangents(steps); 2])
-        && has_nonlinear_bodies(system)
+        && has_whole_tangents(system)
         && obstacle_of_tangents(system).is_none()
 }
 

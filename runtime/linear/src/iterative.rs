@@ -49,8 +49,8 @@ const WITHIN: f64 = 0.3;
 enum Solver {
     /// Conjugate gradients: all is symmetric.
     Conjugate(Box<CheckedMultigrid>),
-    /// GMRES: the bodies are; so many dofs are on contact.
-    Contact(Box<CheckedContact>, usize),
+    /// GMRES: the bodies are.
+    Contact(Box<CheckedContact>),
     /// GMRES: a motion beside a pressure.
     Saddle(Box<CheckedSaddle>),
 }
@@ -82,8 +82,7 @@ impl Iterative {
 
     /// Of the tangents to come of bodies with contact that need not be symmetric.
     pub(super) fn of_contact(of: OnContact, options: SolverOptions) -> Self {
-        let on_contact = of.rows.len();
-        Self::new(Solver::Contact(Box::new(CheckedContact::new(of, options)), on_contact))
+        Self::new(Solver::Contact(Box::new(CheckedContact::new(of, options))))
     }
 
     /// Of one matrix of a motion beside a pressure; makes its levels.
@@ -109,7 +108,7 @@ impl Iterative {
     fn renew(&mut self, source: &Source) -> Result<(), SolveError> {
         let need = ONE_MATRIX.by_iteration(source.n_rows(), LEVELS_OF_A_STEP);
         match (&mut self.solver, source) {
-            (Solver::Contact(solver, _), Source::Parted(matrix, on_faces)) => {
+            (Solver::Contact(solver), Source::Parted(matrix, on_faces)) => {
                 claim(need.size(), "the levels of multigrid")?;
                 solver.take(matrix, on_faces)
             }
@@ -140,7 +139,7 @@ impl Iterative {
     pub(super) fn take(&mut self, source: &Source) -> Result<(), SolveError> {
         let is_kept = match (&mut self.solver, source) {
             (Solver::Conjugate(solver), source) => solver.keep_levels(source)?,
-            (Solver::Contact(solver, _), Source::Parted(matrix, on_faces)) => solver.keep_levels(matrix, on_faces)?,
+            (Solver::Contact(solver), Source::Parted(matrix, on_faces)) => solver.keep_levels(matrix, on_faces)?,
             (Solver::Contact(..) | Solver::Saddle(_), _) => false,
         };
         if is_kept { Ok(()) } else { self.renew(source) }
@@ -176,7 +175,7 @@ impl Iterative {
     fn solve_until(&mut self, rhs: &[f64], x: &mut [f64], left: f64) -> Result<SolveReport, SolveError> {
         match &mut self.solver {
             Solver::Conjugate(solver) => solver.solve_until(rhs, x, left),
-            Solver::Contact(solver, _) => solver.solve_until(rhs, x, left),
+            Solver::Contact(solver) => solver.solve_until(rhs, x, left),
             Solver::Saddle(solver) => solver.solve_until(rhs, x, left),
         }
     }
@@ -193,7 +192,7 @@ impl Iterative {
     fn has_kept_levels(&self) -> bool {
         match &self.solver {
             Solver::Conjugate(solver) => solver.has_kept_levels(),
-            Solver::Contact(solver, _) => solver.has_kept_levels(),
+            Solver::Contact(solver) => solver.has_kept_levels(),
             Solver::Saddle(_) => false,
         }
     }
@@ -237,7 +236,7 @@ impl Iterative {
         self.is_set_aside = is_set_aside;
         match &mut self.solver {
             Solver::Conjugate(solver) => solver.expire(),
-            Solver::Contact(solver, _) => solver.expire(),
+            Solver::Contact(solver) => solver.expire(),
             Solver::Saddle(_) => {}
         }
     }
@@ -246,8 +245,8 @@ impl Iterative {
     pub(super) fn method(&self) -> LinearPlan {
         let solver = match &self.solver {
             Solver::Conjugate(solver) => solver,
-            Solver::Contact(solver, on_contact) => {
-                return LinearPlan::WithContact(*on_contact, Extent::Made(solver.level_sizes().to_vec()));
+            Solver::Contact(solver) => {
+                return LinearPlan::WithContact(solver.n_on_contact(), Extent::Made(solver.level_sizes().to_vec()));
             }
             Solver::Saddle(solver) => {
                 let systems = if self.of_tangents { Systems::Tangents } else { Systems::One };

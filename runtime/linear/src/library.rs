@@ -15,7 +15,7 @@ use wfl_sparse::solve::{Equations, OnContact, Traits};
 
 /// What the choice of a method depends on.
 pub(super) fn traits(system: &System) -> Traits {
-    traits_with(system, &on_contact(system))
+    traits_with(system, &on_contact(system, is_on_faces))
 }
 
 fn traits_with(system: &System, on_contact: &[u32]) -> Traits {
@@ -38,7 +38,7 @@ fn traits_with(system: &System, on_contact: &[u32]) -> Traits {
 
 /// The equations after the linear terms of a step have been assembled.
 pub(super) fn equations(system: &System) -> Equations {
-    let on_contact = on_contact(system);
+    let on_contact = on_contact(system, is_on_faces);
     let traits = traits_with(system, &on_contact);
     let (layout, multipliers) = system.node_layout_with_multipliers().map_or((None, Vec::new()), |(l, m)| (Some(l), m));
     let (constant, changing) = (system.shared_bulk(), Arc::clone(system.changing_pattern()));
@@ -57,15 +57,23 @@ pub(super) fn is_on_faces(term: &AssembledTerm) -> bool {
 /// What is told of unknowns whose bodies and contact are not linear, or why there is no iteration for them.
 pub(super) fn on_contact_by_nodes(system: &System) -> Result<OnContact, String> {
     let (layout, multipliers) = system.node_layout_with_multipliers()?;
-    Ok(OnContact { layout, multipliers, rows: on_contact(system) })
+    let always = on_contact(system, |term| is_on_faces(term) && !term.integrator.moves());
+    let rows = on_contact(system, is_on_faces);
+    let at_times = rows.iter().copied().filter(|row| always.binary_search(row).is_err()).collect();
+    Ok(OnContact { layout, multipliers, rows, at_times })
 }
 
-/// Free dofs that nonlinear terms on faces touch, those of multipliers, and those that these are coupled to: of this rank
+/// Free dofs that nonlinear terms touch of those that count, those of multipliers, and those that these are coupled to: of this rank
 /// and of those in its rows.
-fn on_contact(system: &System) -> Vec<u32> {
+fn on_contact(system: &System, counts: impl Fn(&AssembledTerm) -> bool) -> Vec<u32> {
     let numbering = &system.numbering;
     let mut touched = vec![false; numbering.n_dofs];
-    for term in nonlinear(system).filter(|term| is_on_faces(term)) {
+    for term in nonlinear(system).filter(|term| counts(term)) {
+        if term.integrator.moves() {
+            // one face may meet all others, pair by pair
+            term.dofs().into_iter().for_each(|dof| touched[dof as usize] = true);
+            continue;
+        }
         term.for_each_entity(|tests, trials| tests.iter().chain(trials).for_each(|dof| touched[*dof as usize] = true));
     }
     let is_multiplier = |dof: &u32| system.fields[system.field_of(*dof as usize)].kind == FieldKind::Multiplier;

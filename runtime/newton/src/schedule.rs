@@ -373,18 +373,16 @@ impl Schedule {
         self.own(history).len() > PROGRESS && !self.progresses(history)
     }
 
-    /// True if the last steps were next to nothing or came back to where one was before, and there is a path to go on
-    /// with.
+    /// True if the last steps were next to nothing, or came back to where one was before and there is a path to go on with.
     fn is_stuck(&self, history: &StepHistory) -> bool {
         let own = self.own(history);
-        let (Some((last, before)), true) = (own.split_last(), self.stages.iter().any(|s| s.method.is_path())) else {
-            return false;
-        };
+        let Some((last, before)) = own.split_last() else { return false };
+        let has_paths = self.stages.iter().any(|s| s.method.is_path());
         let again = |i: &Iteration| {
             i.fingerprint == last.fingerprint && (i.residual - last.residual).abs() < AGAIN * last.residual
         };
         let nothing = own.len() > STUCK && own[own.len() - STUCK..].iter().all(|i| i.step < NOTHING);
-        nothing || (own.len() > STUCK && before.iter().any(again))
+        nothing || (has_paths && own.len() > STUCK && before.iter().any(again))
     }
 }
 

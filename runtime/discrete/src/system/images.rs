@@ -12,7 +12,7 @@ use wfl_compiler::Class;
 use super::{Branches, FIXED, StateValues, System, Tangent};
 use crate::assemble::{AssembledTerm, TermError};
 use crate::rates::RateFactors;
-use wfl_sparse::csr::{Csr, Pattern, PatternBuilder};
+use wfl_sparse::csr::{Csr, CsrError, Pattern, PatternBuilder};
 
 /// How often a way is halved on which points go through a surface.
 const HALVINGS: usize = 8;
@@ -110,9 +110,12 @@ impl System {
         Ok(true)
     }
 
-    /// Gives a tangent a pattern for the images at these values.
-    fn renew(&self, values: &StateValues<'_>, branches: Branches<'_>, out: &mut Tangent) -> Result<(), TermError> {
-        let Some(images) = &mut out.images else { return Ok(()) };
+    /// What terms whose images move couple at these values and near them, over the free dofs.
+    pub(super) fn pattern_near<'s>(
+        &self,
+        terms: impl Iterator<Item = &'s AssembledTerm>,
+        values: &StateValues<'_>,
+    ) -> Result<Pattern, CsrError> {
         let n = self.numbering.n_free();
         let mut builder = PatternBuilder::new(n, n);
         let place = |dofs: &[u32], places: &mut Vec<u32>| {
@@ -120,17 +123,24 @@ impl System {
             places.extend(dofs.iter().map(|d| self.numbering.free[*d as usize]).filter(|place| *place != FIXED));
         };
         let (mut rows, mut columns) = (Vec::new(), Vec::new());
-        for term in self.changing_forms(branches).filter(|t| t.integrator.moves()) {
+        for term in terms {
             term.for_each_near(&self.mesh, values.view(), &mut |tests, trials| {
                 place(tests, &mut rows);
                 place(trials, &mut columns);
                 builder.add_coupling(&rows, &columns);
             });
         }
+        builder.build()
+    }
+
+    /// Gives a tangent a pattern for the images at these values.
+    fn renew(&self, values: &StateValues<'_>, branches: Branches<'_>, out: &mut Tangent) -> Result<(), TermError> {
+        let Some(images) = &mut out.images else { return Ok(()) };
+        let near = self.pattern_near(self.changing_forms(branches).filter(|t| t.integrator.moves()), values);
         let step = Some(self.window.with_rates(RateFactors::default()));
         let before = if images.step == step { out.changing.pattern() } else { images.fixed.pattern() };
         let united = |added: Pattern| before.union(&added).map(Arc::new);
-        let pattern = builder.build().and_then(united).map_err(TermError::Matrix)?;
+        let pattern = near.and_then(united).map_err(TermError::Matrix)?;
         images.places = images.fixed.pattern().positions_in(&pattern).expect("a part of the union");
         images.step = step;
         out.changing = Csr::zeros(pattern);

@@ -7,16 +7,27 @@ use std::sync::Arc;
 use wfl_compiler::Class;
 use wfl_sparse::csr::{Csr, Pattern};
 
-use super::{Branches, SceneAxes, System, SystemError, pattern};
-use crate::assemble::{Over, TermError};
+use super::{Branches, SceneAxes, StateValues, System, SystemError, pattern};
+use crate::assemble::{AssembledTerm, Over, TermError};
 use crate::frames::Frames;
+use crate::rates::RateFactors;
+use crate::window::Window;
 
 /// Where the terms on faces that are not linear stand in a matrix of their own.
 pub(super) struct OnFaces {
     terms: Vec<usize>,
     /// Where they are summed before they are rotated; `None` without local frames and dofs that follow others.
     axes: Option<SceneAxes>,
+    /// Over the free dofs; of terms whose images are followed the place is that of each tangent.
     pattern: Arc<Pattern>,
+}
+
+/// The part of a tangent that terms on faces have.
+#[derive(Clone, Debug)]
+pub(super) struct PartOnFaces {
+    pub(super) matrix: Arc<Csr>,
+    /// The step that its pattern was made in, where images are followed.
+    step: Option<Window>,
 }
 
 impl System {
@@ -25,13 +36,11 @@ impl System {
     /// # Errors
     /// [`SystemError`] when the pattern does not fit the index types.
     pub fn keep_faces_apart(&mut self) -> Result<(), SystemError> {
-        let is_own = |k: &usize| {
-            let term = &self.terms[*k];
-            term.law.class >= Class::Nonlinear && term.integrator.domain.over == Over::Facets
-        };
-        let terms: Vec<usize> = (0..self.terms.len()).filter(is_own).collect();
-        let frozen = self.frozen.iter().filter(|frozen| is_own(&frozen.term)).map(|frozen| &frozen.form);
-        let all = terms.iter().map(|k| &self.terms[*k]).chain(frozen);
+        let is_own =
+            |term: &AssembledTerm| term.law.class >= Class::Nonlinear && term.integrator.domain.over == Over::Facets;
+        let terms: Vec<usize> = (0..self.terms.len()).filter(|k| is_own(&self.terms[*k])).collect();
+        let frozen = self.frozen.iter().filter(|frozen| terms.contains(&frozen.term)).map(|frozen| &frozen.form);
+        let all = terms.iter().map(|k| &self.terms[*k]).chain(frozen).filter(|term| !self.is_followed(term));
         let numbering = &self.numbering;
         let (axes, pattern) = if numbering.frames.is_empty() && !numbering.has_ties() {
             let place = |dof: u32| numbering.free[dof as usize];
@@ -46,30 +55,117 @@ impl System {
         Ok(())
     }
 
-    /// The tangent of the terms on faces at a state over the free dofs.
+    /// The tangent of the terms on faces at a state over the free dofs, where tangents have it beside them; `before` is that of an
+    /// earlier state.
     ///
     /// # Errors
     /// [`TermError`] with its place.
-    pub(super) fn tangent_on_faces(&self, held: &OnFaces, u: &[f64], branches: Branches<'_>) -> Result<Csr, TermError> {
+    pub(super) fn tangent_on_faces(
+        &self,
+        u: &[f64],
+        branches: Branches<'_>,
+        before: Option<PartOnFaces>,
+    ) -> Result<Option<PartOnFaces>, TermError> {
+        let Some(held) = self.on_faces.as_deref() else { return Ok(None) };
+        let values = match branches {
+            Branches::AsWritten => self.values(u),
+            Branches::Frozen(active) => self.values_with(u, active),
+        };
+        if self.follows_images() {
+            return self.images_on_faces(held, &values, branches, before).map(Some);
+        }
         let (pattern, rows) = match &held.axes {
             Some(axes) => (axes.pattern(), &axes.rows),
             None => (&held.pattern, &self.numbering.free),
         };
-        let (values, is_frozen) = match branches {
-            Branches::AsWritten => (self.values(u), false),
-            Branches::Frozen(active) => (self.values_with(u, active), true),
-        };
-        let mut made = Csr::zeros(Arc::clone(pattern));
-        for k in &held.terms {
-            let frozen = self.frozen.iter().find(|frozen| is_frozen && frozen.term == *k);
-            let mut term = frozen.map_or(&self.terms[*k], |frozen| &frozen.form).clone();
-            term.locate(pattern, rows);
-            term.add_tangent(&self.mesh, values.view(), made.values_mut())?;
+        let mut matrix = self.sum_on_faces(held, &values, branches, (pattern, rows))?;
+        if let Some(axes) = &held.axes {
+            self.numbering.frames.turn_matrix(&mut matrix, |dof| axes.rows[dof] as usize);
+            let mut turned = Csr::zeros(Arc::clone(&held.pattern));
+            axes.apply_into(&matrix, turned.values_mut());
+            matrix = turned;
         }
-        let Some(axes) = &held.axes else { return Ok(made) };
-        self.numbering.frames.turn_matrix(&mut made, |dof| axes.rows[dof] as usize);
-        let mut turned = Csr::zeros(Arc::clone(&held.pattern));
-        axes.apply_into(&made, turned.values_mut());
-        Ok(turned)
+        Ok(Some(PartOnFaces { matrix: Arc::new(matrix), step: None }))
+    }
+
+    /// What is held of the terms on faces, summed in a pattern; `rows` maps dofs to its rows. Those whose images are followed are left out.
+    fn sum_on_faces(
+        &self,
+        held: &OnFaces,
+        values: &StateValues<'_>,
+        branches: Branches<'_>,
+        (pattern, rows): (&Arc<Pattern>, &[u32]),
+    ) -> Result<Csr, TermError> {
+        let mut matrix = Csr::zeros(Arc::clone(pattern));
+        for form in self.forms_on_faces(held, branches).filter(|form| !self.is_followed(form)) {
+            let mut term = form.clone();
+            term.locate(pattern, rows);
+            term.add_tangent(&self.mesh, values.view(), matrix.values_mut())?;
+        }
+        Ok(matrix)
+    }
+
+    /// The same with those whose images are followed. Within a step the pattern holds the one before, and it is that one where no image has
+    /// left it.
+    fn images_on_faces(
+        &self,
+        held: &OnFaces,
+        values: &StateValues<'_>,
+        branches: Branches<'_>,
+        before: Option<PartOnFaces>,
+    ) -> Result<PartOnFaces, TermError> {
+        let step = Some(self.window.with_rates(RateFactors::default()));
+        let before = before.filter(|before| before.step == step);
+        let rows = self.numbering.free.as_slice();
+        if let Some(before) = &before {
+            let pattern = before.matrix.pattern();
+            let mut matrix = self.sum_on_faces(held, values, branches, (pattern, rows))?;
+            if self.add_images_on_faces(held, values, branches, &mut matrix)? {
+                return Ok(PartOnFaces { matrix: Arc::new(matrix), step });
+            }
+        }
+        let kept = before.as_ref().map_or(&held.pattern, |before| before.matrix.pattern());
+        let followed = self.forms_on_faces(held, branches).filter(|form| self.is_followed(form));
+        let near = self.pattern_near(followed, values).and_then(|near| kept.union(&near));
+        let pattern = Arc::new(near.map_err(TermError::Matrix)?);
+        let mut matrix = self.sum_on_faces(held, values, branches, (&pattern, rows))?;
+        let is_complete = self.add_images_on_faces(held, values, branches, &mut matrix)?;
+        assert!(is_complete, "the pattern was made for these images");
+        Ok(PartOnFaces { matrix: Arc::new(matrix), step })
+    }
+
+    /// Adds the terms whose images are followed. False if the pattern lacks an image.
+    fn add_images_on_faces(
+        &self,
+        held: &OnFaces,
+        values: &StateValues<'_>,
+        branches: Branches<'_>,
+        matrix: &mut Csr,
+    ) -> Result<bool, TermError> {
+        let pattern = Arc::clone(matrix.pattern());
+        for form in self.forms_on_faces(held, branches).filter(|form| self.is_followed(form)) {
+            let on = (&pattern, self.numbering.free.as_slice());
+            if !form.add_tangent_of_images(&self.mesh, values.view(), on, matrix.values_mut())? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    fn forms_on_faces<'s>(
+        &'s self,
+        held: &'s OnFaces,
+        branches: Branches<'_>,
+    ) -> impl Iterator<Item = &'s AssembledTerm> {
+        let is_frozen = matches!(branches, Branches::Frozen(_));
+        held.terms.iter().map(move |k| {
+            let frozen = self.frozen.iter().find(|frozen| is_frozen && frozen.term == *k);
+            frozen.map_or(&self.terms[*k], |frozen| &frozen.form)
+        })
+    }
+
+    /// Whether tangents follow the images of a term.
+    fn is_followed(&self, term: &AssembledTerm) -> bool {
+        self.follows_images() && term.integrator.moves()
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use wfl_compiler::Class;
 
 use super::applied::AppliedTangent;
+use super::on_faces::PartOnFaces;
 use super::places::Places;
 use super::{ActiveSet, Branches, FIXED, System, pattern};
 use crate::assemble::{AssembledTerm, FieldValues, TermError};
@@ -26,7 +27,7 @@ pub struct Tangent {
     /// In place of the matrix, which has no entries then.
     pub(super) applied: Option<AppliedTangent>,
     /// The part of terms on faces, which the matrix has, too; after [`System::keep_faces_apart`].
-    on_faces: Option<Arc<Csr>>,
+    on_faces: Option<PartOnFaces>,
 }
 
 /// A term in the place of one of a system.
@@ -68,7 +69,7 @@ impl Tangent {
     /// The part of terms on faces, of the last state that [`System::tangent`] was made at; after [`System::keep_faces_apart`].
     #[must_use]
     pub fn on_faces(&self) -> Option<&Arc<Csr>> {
-        self.on_faces.as_ref()
+        self.on_faces.as_ref().map(|part| &part.matrix)
     }
 
     /// Forgets the operator; what sizes of a residual need stays.
@@ -184,18 +185,16 @@ impl System {
             return self.apply_tangent(u, branches, out);
         }
         self.located().map_err(TermError::Matrix)?;
-        if out.images.is_some() {
-            let result = self.tangent_of_images(u, branches, out);
-            if result.is_err() {
-                out.changing.values_mut().fill(0.0);
+        let mut result = match &out.images {
+            Some(_) => self.tangent_of_images(u, branches, out),
+            None => {
+                let matrix = out.scene_axes.as_mut().unwrap_or(&mut out.changing);
+                self.add_tangents(u, branches, &[], matrix)
             }
-            return result;
-        }
-        let matrix = out.scene_axes.as_mut().unwrap_or(&mut out.changing);
-        let mut result = self.add_tangents(u, branches, &[], matrix);
-        if let (Ok(()), Some(held)) = (&result, &self.on_faces) {
-            let made = self.tangent_on_faces(held, u, branches);
-            result = made.map(|made| out.on_faces = Some(Arc::new(made)));
+        };
+        if result.is_ok() {
+            let made = self.tangent_on_faces(u, branches, out.on_faces.take());
+            result = made.map(|made| out.on_faces = made);
         }
         self.turned(out, result)
     }

@@ -48,6 +48,11 @@ impl Filter {
         Ok(Self { rows, inside, constant, factor, residual })
     }
 
+    /// Number of unknowns.
+    pub(super) fn n_rows(&self) -> usize {
+        self.rows.len()
+    }
+
     /// Factors the part of the matrix with this changing part.
     ///
     /// # Errors

@@ -30,18 +30,26 @@ pub struct OnContact {
     pub multipliers: Vec<u32>,
     /// Rows that terms on faces and multipliers touch, those of multipliers included, increasing.
     pub rows: Vec<u32>,
+    /// Those of them that are touched at some states alone, where the part of the terms on faces has entries in them.
+    pub at_times: Vec<u32>,
 }
 
 /// Solver for whole tangents whose bodies are symmetric and positive definite, and whose contact need not be.
 pub struct CheckedContact {
     layout: NodeLayout,
-    rows: Vec<u32>,
-    /// One for each of the rows.
-    points: Vec<[f64; 3]>,
+    rows: Vec<OnFace>,
     check: BackwardErrorCheck,
     loaded: Option<Loaded>,
     gmres: FlexibleGmres,
     wear: Wear,
+}
+
+/// A row that terms on faces may touch.
+struct OnFace {
+    row: u32,
+    point: [f64; 3],
+    /// Where the part of the terms on faces has entries in it alone.
+    at_times: bool,
 }
 
 /// A matrix with its levels and the factor of its filter.
@@ -49,6 +57,8 @@ struct Loaded {
     matrix: Arc<Csr>,
     cycle: Cycle,
     filter: Option<Filter>,
+    /// Where the part of terms on faces has entries, which levels have room for.
+    room: Arc<Pattern>,
     /// The levels are those of an earlier matrix.
     is_kept: bool,
 }
@@ -57,18 +67,28 @@ impl CheckedContact {
     /// Prepares for tangents; the levels are made with the first one.
     #[must_use]
     pub fn new(of: OnContact, options: SolverOptions) -> Self {
-        let OnContact { mut layout, multipliers, rows } = of;
-        let point = |row: &u32| layout.points[layout.places[*row as usize] as usize / layout.components];
-        let points = rows.iter().map(point).collect();
+        let OnContact { mut layout, multipliers, rows, at_times } = of;
+        let of = |row: u32| OnFace {
+            row,
+            point: layout.points[layout.places[row as usize] as usize / layout.components],
+            at_times: at_times.binary_search(&row).is_ok(),
+        };
+        let rows = rows.into_iter().map(of).collect();
         multipliers.iter().for_each(|row| layout.places[*row as usize] = NONE);
         let check = BackwardErrorCheck::new(layout.places.len(), options);
-        Self { layout, rows, points, check, loaded: None, gmres: FlexibleGmres::default(), wear: Wear::default() }
+        Self { layout, rows, check, loaded: None, gmres: FlexibleGmres::default(), wear: Wear::default() }
     }
 
     /// Number of unknowns by level, the finest first; empty without a matrix.
     #[must_use]
     pub fn level_sizes(&self) -> &[usize] {
         self.loaded.as_ref().map_or(&[], |loaded| loaded.cycle.sizes())
+    }
+
+    /// Number of unknowns in the direct solution; those that may be in it without a matrix.
+    #[must_use]
+    pub fn n_on_contact(&self) -> usize {
+        self.loaded.as_ref().map_or(self.rows.len(), |loaded| loaded.filter.as_ref().map_or(0, Filter::n_rows))
     }
 
     /// Takes a matrix, of which `on_faces` is the part of terms on faces, and makes levels of its own for it.
@@ -85,15 +105,18 @@ impl CheckedContact {
         let mut cycle = Cycle::with_room(&[matrix, &taken], on_faces, &self.layout)?;
         cycle.take(on_faces, &self.layout)?;
         let nothing = Csr::zeros(Arc::new(Pattern::empty(matrix.n_rows(), matrix.n_cols())));
-        let filter = match self.rows.is_empty() {
+        let is_touched = |of: &&OnFace| !of.at_times || !on_faces.row(of.row as usize).0.is_empty();
+        let (rows, points): (Vec<_>, Vec<_>) = self.rows.iter().filter(is_touched).map(|of| (of.row, of.point)).unzip();
+        let filter = match rows.is_empty() {
             true => None,
             false => {
-                let mut made = Filter::new(&nothing, matrix, &self.rows, &self.points)?;
+                let mut made = Filter::new(&nothing, matrix, &rows, &points)?;
                 made.take(matrix)?;
                 Some(made)
             }
         };
-        self.loaded = Some(Loaded { matrix: Arc::clone(matrix), cycle, filter, is_kept: false });
+        let room = Arc::clone(on_faces.pattern());
+        self.loaded = Some(Loaded { matrix: Arc::clone(matrix), cycle, filter, room, is_kept: false });
         Ok(())
     }
 
@@ -106,7 +129,10 @@ impl CheckedContact {
         if self.wear.is_over() {
             return Ok(false);
         }
-        let Some(loaded) = &mut self.loaded else { return Ok(false) };
+        let has_room = |loaded: &&mut Loaded| {
+            Arc::ptr_eq(&loaded.room, on_faces.pattern()) || *loaded.room == **on_faces.pattern()
+        };
+        let Some(loaded) = self.loaded.as_mut().filter(has_room) else { return Ok(false) };
         self.check.set_matrix(&[matrix])?;
         loaded.cycle.take(on_faces, &self.layout)?;
         if let Some(filter) = &mut loaded.filter {
@@ -134,7 +160,7 @@ impl CheckedContact {
     /// large that the matrix may be singular; those about the right-hand side.
     pub fn solve_until(&mut self, rhs: &[f64], x: &mut [f64], left: f64) -> Result<SolveReport, SolveError> {
         let Some(loaded) = &mut self.loaded else { return Err(SolveError::NotFactored) };
-        let Loaded { matrix, cycle, filter, is_kept } = loaded;
+        let Loaded { matrix, cycle, filter, is_kept, .. } = loaded;
         let (most, parts, places) = (if *is_kept { MOST_OF_KEPT } else { MOST }, [&**matrix], &self.layout.places);
         let mut precondition =
             |r: &[f64], z: &mut [f64]| cycle_and_filter(cycle, places, filter.as_mut(), &parts, r, z);

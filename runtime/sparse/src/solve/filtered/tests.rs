@@ -152,7 +152,7 @@ fn tangent(problem: &ElasticBox, stiffness: f64, on_faces: &Csr) -> Arc<Csr> {
 fn of_tangents(problem: &ElasticBox, on_faces: &Csr, threads: usize) -> CheckedContact {
     let is_touched = |row: &u32| !on_faces.row(*row as usize).0.is_empty();
     let rows = (0..problem.n() as u32).filter(is_touched).collect();
-    let of = OnContact { layout: layout(problem, &[]), multipliers: Vec::new(), rows };
+    let of = OnContact { layout: layout(problem, &[]), multipliers: Vec::new(), rows, at_times: Vec::new() };
     CheckedContact::new(of, SolverOptions { threads, ..SolverOptions::default() })
 }
 
