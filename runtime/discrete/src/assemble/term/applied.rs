@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{AssembledTerm, TermError};
 use crate::assemble::{
-    applied::{AppliedTerm, Group, Keeping, Number, Skeleton},
+    applied::{AppliedTerm, Factors, Group, Keeping, Number, Reads, Skeleton},
     evaluate::{FieldValues, Workspace},
     simd::{Lanes, ZERO},
 };
@@ -54,24 +54,32 @@ impl AssembledTerm {
         let (binding, dim) = (&self.assembled.binding, self.assembled.domain.dim);
         let slots = || binding.tests.iter().chain(&binding.trials);
         let mut counts = Counts::default();
+        let has_means = self.has_means_on_levels();
         for (g, (group, bound)) in self.assembled.domain.groups.iter().zip(&binding.groups).enumerate() {
             let reads = |b: usize, op: FieldOp| slots().any(|slot| slot.basis == b && slot.op == op);
-            let (mut by_point, mut local) = (self.entries.list.len(), 0);
+            let (n, n_points) = (group.entities.len(), group.n_points());
+            let on_levels = if has_means { self.n_points_of_means(mesh, fields, g) } else { n_points };
+            let (mut by_point, mut local, mut sums) = (self.entries.list.len(), 0, [0; 2]);
             for (b, basis) in bound.bases.iter().enumerate() {
                 let (n, nodes) = (basis.n_components, basis.n_nodes);
-                let (values, slopes) = (reads(b, FieldOp::Value), reads(b, FieldOp::Grad));
-                by_point += if slopes { n * dim * (2 * nodes + 2 * dim + 1) } else { 0 };
-                by_point += if values { n * (2 * nodes + 1) } else { 0 };
-                local += if values || slopes { n * nodes } else { 0 };
+                let reads = Reads { values: reads(b, FieldOp::Value), gradients: reads(b, FieldOp::Grad) };
+                if !reads.any() {
+                    continue;
+                }
+                local += n * nodes;
+                by_point += if reads.gradients { n * dim * (2 * dim + 1) } else { 0 };
+                by_point += if reads.values { n } else { 0 };
+                // to the points and back
+                let factors = Factors::of(&basis.table, &group.here.points);
+                for (sums, n_points) in sums.iter_mut().zip([n_points, on_levels]) {
+                    *sums += 2 * n * reads.products(factors.as_ref(), [n_points, nodes], dim);
+                }
             }
-            let (n, n_points) = (group.entities.len(), group.n_points());
-            let are_means = self.has_means_on_levels();
-            let on_levels = if are_means { self.n_points_of_means(mesh, fields, g) } else { n_points };
-            counts.operations += (n * n_points * by_point) as f64;
-            counts.operations_on_levels += (n * on_levels * by_point) as f64;
+            counts.operations += (n * (n_points * by_point + sums[0])) as f64;
+            counts.operations_on_levels += (n * (on_levels * by_point + sums[1])) as f64;
             counts.gathered += (2 * n * local) as f64;
             counts.stored += (n * n_points * self.entries.n_outputs) as f64;
-            counts.stored_on_levels += (n * if are_means { 1 } else { n_points } * self.entries.n_outputs) as f64;
+            counts.stored_on_levels += (n * if has_means { 1 } else { n_points } * self.entries.n_outputs) as f64;
             counts.entries += (n * local * local) as f64;
         }
         counts
@@ -119,6 +127,7 @@ impl AssembledTerm {
                 dim: domain.dim,
                 n_cells: group.entities.len(),
                 weights: &group.weights,
+                points: &group.here.points,
                 is_affine: group.here.cells.iter().all(|cell| mesh.map_order(*cell) <= 1),
                 binding: bound,
                 starts,
