@@ -9,15 +9,17 @@
 use crate::assemble::applied::number::Number;
 use wfl_mesh::element::Table;
 
-/// Most points and functions of a direction: the kernel holds so many numbers of a line in registers.
+/// Most points of a direction: the kernel holds so many numbers of a line in registers.
 pub(super) const MOST: usize = 8;
+/// Fewest functions of a direction: sums over two are never faster in turn.
+const FEWEST: usize = 3;
 /// How far products may be from the table, a part of its largest number: functions of degree 4 lose some tens of roundings.
 const SAME: f64 = 1e-12;
 
-/// What a product with a sum takes of the time of one in the sums over all functions, whose numbers stay in registers: measured,
-/// 1.4 times as long for derivatives of three components on hexahedra of degree 4, twice on quadrilaterals of degree 3, three
-/// times on hexahedra of degree 1.
-const IN_TURN: usize = 2;
+/// Products with sums that take as long as a number that a sum in turn writes and the next one reads, where sums over all functions
+/// keep theirs in registers: measured. So elasticity on quadrilaterals of degree 3 takes as long both ways, less at once on those of
+/// degree 2 and on hexahedra of degree 1, and less in turn on hexahedra of degree 2.
+const PRODUCTS_OF_A_LINE: usize = 4;
 
 /// Tables of one direction.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +42,7 @@ impl Factors {
             return None;
         }
         let (n, m) = (root(table.n_dofs, dim)?, root(table.n_points, dim)?);
-        if n < 2 || m < n || m > MOST || !are_grid(points, m, dim) {
+        if n < FEWEST || m < n || m > MOST || !are_grid(points, m, dim) {
             return None;
         }
         // functions sum to 1, so that the sum over all but one direction leaves the factor of that one
@@ -82,14 +84,16 @@ impl Factors {
         })
     }
 
-    /// Products with sums for what is read of one component at all points of a cell, where there are so many of them: the sums of
-    /// each direction in turn, and those of the derivatives. `None` where these points can not be such a grid.
-    fn products(&self, n_points: usize, reads: Reads) -> Option<usize> {
+    /// Products with sums for what is read of one component at all points of a cell, where there are so many of them, and how many
+    /// numbers are written: by the sums of each direction in turn, and by those of the derivatives. `None` where these points can not
+    /// be such a grid.
+    fn work(&self, n_points: usize, reads: Reads) -> Option<[usize; 2]> {
         let (n, dim) = (self.n_functions, self.dim);
         let m = root(n_points, dim).filter(|m| (n..=MOST).contains(m))?;
         let power = |base: usize, exponent: usize| (0..exponent).fold(1, |power, _| power * base);
-        let values: usize = (0..dim).map(|d| power(m, d + 1) * power(n, dim - d)).sum();
-        Some(values + if reads.gradients { dim * power(m, dim + 1) } else { 0 })
+        let values: usize = (0..dim).map(|d| power(m, d + 1) * power(n, dim - 1 - d)).sum();
+        let slopes = if reads.gradients { dim * n_points } else { 0 };
+        Some([values * n + slopes * m, values + slopes])
     }
 }
 
@@ -120,8 +124,8 @@ impl Reads {
 
     /// The same where sums in turn are faster.
     fn in_turn(self, factors: &Factors, size: [usize; 2]) -> Option<usize> {
-        let own = factors.products(size[0], self)?;
-        (IN_TURN * own < self.at_once(size, factors.dim)).then_some(own)
+        let [products, written] = factors.work(size[0], self)?;
+        (products + PRODUCTS_OF_A_LINE * written < self.at_once(size, factors.dim)).then_some(products)
     }
 
     /// The same of sums over all functions.

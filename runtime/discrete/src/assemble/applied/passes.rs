@@ -85,11 +85,9 @@ impl<T: Number> Pass<'_, T> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S, p: usize, n: usize, from: &[T::Line], to: &mut [T::Line]) {
         match (n, self.table.len() == n * n) {
-            (2, true) => self.of_places::<S, 2, true>(simd, p, from, to),
             (3, true) => self.of_places::<S, 3, true>(simd, p, from, to),
             (4, true) => self.of_places::<S, 4, true>(simd, p, from, to),
             (5, true) => self.of_places::<S, 5, true>(simd, p, from, to),
-            (2, _) => self.of_places::<S, 2, false>(simd, p, from, to),
             (3, _) => self.of_places::<S, 3, false>(simd, p, from, to),
             (4, _) => self.of_places::<S, 4, false>(simd, p, from, to),
             (5, _) => self.of_places::<S, 5, false>(simd, p, from, to),
