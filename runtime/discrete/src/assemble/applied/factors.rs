@@ -19,7 +19,7 @@ const SAME: f64 = 1e-12;
 /// Products with sums that take as long as a number that a sum in turn writes and the next one reads, where sums over all functions
 /// keep theirs in registers: measured. So elasticity on quadrilaterals of degree 3 takes as long both ways, less at once on those of
 /// degree 2 and on hexahedra of degree 1, and less in turn on hexahedra of degree 2.
-const PRODUCTS_OF_A_LINE: usize = 4;
+pub(in crate::assemble) const PRODUCTS_OF_A_LINE: usize = 4;
 
 /// Tables of one direction.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,16 +116,17 @@ impl Reads {
         self.in_turn(&made, [table.n_points, table.n_dofs]).is_some().then_some(made)
     }
 
-    /// Products with sums for what is read of one component at so many points of so many functions, in the faster way.
-    pub(in crate::assemble) fn products(self, factors: Option<&Factors>, size: [usize; 2], dim: usize) -> usize {
+    /// Products with sums for what is read of one component at so many points of so many functions, in the faster way, and numbers
+    /// that sums in turn write.
+    pub(in crate::assemble) fn work(self, factors: Option<&Factors>, size: [usize; 2], dim: usize) -> [usize; 2] {
         let in_turn = factors.and_then(|factors| self.in_turn(factors, size));
-        in_turn.unwrap_or_else(|| self.at_once(size, dim))
+        in_turn.unwrap_or_else(|| [self.at_once(size, dim), 0])
     }
 
     /// The same where sums in turn are faster.
-    fn in_turn(self, factors: &Factors, size: [usize; 2]) -> Option<usize> {
-        let [products, written] = factors.work(size[0], self)?;
-        (products + PRODUCTS_OF_A_LINE * written < self.at_once(size, factors.dim)).then_some(products)
+    fn in_turn(self, factors: &Factors, size: [usize; 2]) -> Option<[usize; 2]> {
+        let work = factors.work(size[0], self)?;
+        (work[0] + PRODUCTS_OF_A_LINE * work[1] < self.at_once(size, factors.dim)).then_some(work)
     }
 
     /// The same of sums over all functions.
@@ -149,7 +150,7 @@ fn are_grid(points: &[[f64; 3]], m: usize, dim: usize) -> bool {
 }
 
 /// `[point][other point]`: derivatives of the polynomials that are 1 at one point of a line and 0 at the others, in the barycentric
-/// form (Berrut and Trefethen 2004, section 9.3, <https://doi.org/10.1137/S0036144502417715>): each row sums to zero.
+/// form (Berrut and Trefethen 2004, <https://doi.org/10.1137/S0036144502417715>): each row sums to zero.
 fn slopes(line: &[f64]) -> Vec<f64> {
     let m = line.len();
     let weight = |j: usize| -> f64 { (0..m).filter(|k| *k != j).map(|k| (line[j] - line[k]).recip()).product() };

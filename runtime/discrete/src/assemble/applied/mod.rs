@@ -23,7 +23,7 @@ use wfl_compiler::ir::LANES;
 
 use cells::{Cells, Functions, Law};
 pub(in crate::assemble) use cells::{Group, Units};
-pub(in crate::assemble) use factors::{Factors, Reads};
+pub(in crate::assemble) use factors::{Factors, PRODUCTS_OF_A_LINE, Reads};
 use kernel::Action;
 pub(crate) use number::Number;
 use passes::Grids;

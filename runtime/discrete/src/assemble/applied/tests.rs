@@ -203,6 +203,7 @@ fn fields_of_several_degrees_are_summed_each_in_its_way() {
         (vec![of(2, dim, BOTH), of(1, 1, VALUE)], [true, false]),
         (vec![of(4, dim, SLOPE), of(3, 2, BOTH)], [true, true]),
         (vec![of(0, 1, VALUE), of(2, dim, SLOPE)], [false, true]),
+        (vec![of(3, dim, BOTH), of(2, dim, BOTH)], [true, true]),
     ] {
         let n_on_line = fields.iter().map(|of| of.degree).max().unwrap_or(0) + 1;
         for is_affine in [true, false] {
