@@ -192,6 +192,8 @@ const ELASTIC: &str = "term elastic on all : (300*Div_u*Id(DIM) + 800*Sym(Grad_u
 
 #[test]
 fn every_kind_of_cell_and_degree_straight_and_distorted() {
+    // straight edges of cells that are no parallelepipeds, and bent ones
+    let straight = ["", " map [x + 0.2*x*y, y]", " map [x + 0.1*x*y, y, z + 0.1*y*z]"];
     let bent = ["", " map [x + 0.1*sin(3*y), y + 0.15*x*x]", " map [x + 0.1*sin(3*y*z), y + 0.15*x*z, z - 0.1*x*y]"];
     for (dim, cells, spaces) in [
         (2, "[5,4] tri", &["P2", "P3", "P4"][..]),
@@ -201,7 +203,7 @@ fn every_kind_of_cell_and_degree_straight_and_distorted() {
         (3, "[2,2,1] hex", &["Q3", "Q4"]),
     ] {
         let (low, high, zero) = if dim == 2 { ("[0,0]", "[1,1]", "[0,0]") } else { ("[0,0,0]", "[1,1,1]", "[0,0,0]") };
-        for map in ["", bent[dim - 1]] {
+        for map in ["", straight[dim - 1], bent[dim - 1]] {
             for space in spaces {
                 let body = format!(
                     "mesh box {low} to {high} cells {cells}{map}\nregion left = faces where x < 0.2\n\

@@ -146,7 +146,7 @@ impl AssembledTerm {
                 n_cells: group.entities.len(),
                 weights: &group.weights,
                 points: &group.here.points,
-                is_affine: group.here.cells.iter().all(|cell| mesh.map_order(*cell) <= 1),
+                is_affine: group.here.cells.iter().all(|cell| mesh.map_order(*cell) == 0),
                 binding: bound,
                 starts,
                 tests: &binding.tests,
