@@ -152,7 +152,7 @@ impl<'a, T: Number> OnGrid<'a, T> {
 
     /// Values and derivatives in the reference cell at all points, from nodal values.
     #[inline(always)]
-    pub(super) fn to_points<S: Simd>(&self, simd: S, p: usize, local: &[T::Line], grids: &mut Grids<'_, T>) {
+    pub(super) fn to_points<S: Simd>(self, simd: S, p: usize, local: &[T::Line], grids: &mut Grids<'_, T>) {
         let (n, m) = (self.lines.n_functions, self.lines.n_points);
         let [values, other] = &mut grids.scratch;
         for d in 0..self.dim {
@@ -177,7 +177,7 @@ impl<'a, T: Number> OnGrid<'a, T> {
 
     /// What fluxes in the reference cell at all points make at the nodes.
     #[inline(always)]
-    pub(super) fn to_nodes<S: Simd>(&self, simd: S, p: usize, grids: &mut Grids<'_, T>, out: &mut [T::Line]) {
+    pub(super) fn to_nodes<S: Simd>(self, simd: S, p: usize, grids: &mut Grids<'_, T>, out: &mut [T::Line]) {
         let m = self.lines.n_points;
         let [sums, other] = &mut grids.scratch;
         if self.of.reads.values {
