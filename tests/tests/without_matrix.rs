@@ -192,16 +192,18 @@ const ELASTIC: &str = "term elastic on all : (300*Div_u*Id(DIM) + 800*Sym(Grad_u
 
 #[test]
 fn every_kind_of_cell_and_degree_straight_and_distorted() {
+    // straight edges of cells that are no parallelepipeds, and bent ones
+    let straight = ["", " map [x + 0.2*x*y, y]", " map [x + 0.1*x*y, y, z + 0.1*y*z]"];
     let bent = ["", " map [x + 0.1*sin(3*y), y + 0.15*x*x]", " map [x + 0.1*sin(3*y*z), y + 0.15*x*z, z - 0.1*x*y]"];
     for (dim, cells, spaces) in [
         (2, "[5,4] tri", &["P2", "P3", "P4"][..]),
-        (2, "[5,4] quad", &["Q2", "Q4"]),
+        (2, "[5,4] quad", &["Q2", "Q3", "Q4"]),
         (3, "[3,2,3] tet", &["P2", "P3", "P4"]),
         (3, "[3,2,3] hex", &["Q2"]),
         (3, "[2,2,1] hex", &["Q3", "Q4"]),
     ] {
         let (low, high, zero) = if dim == 2 { ("[0,0]", "[1,1]", "[0,0]") } else { ("[0,0,0]", "[1,1,1]", "[0,0,0]") };
-        for map in ["", bent[dim - 1]] {
+        for map in ["", straight[dim - 1], bent[dim - 1]] {
             for space in spaces {
                 let body = format!(
                     "mesh box {low} to {high} cells {cells}{map}\nregion left = faces where x < 0.2\n\
@@ -242,6 +244,12 @@ fn several_fields() {
         term tie on glue : 1e4*(u - Interpolate(v, neighbor_element)).(Test_u - Interpolate(Test_v, neighbor_element))\n\
         fix u = [0,0,0] on left\nload v = [1,1,0] on right\n";
     Both::of(&prepared(glued).system).agree();
+    let on_hexahedra = "mesh box [0,0,0] to [1,1,1] cells [3,2,3] hex map [x + 0.1*x*y, y, z + 0.1*y*z]\n\
+        region left = faces where x == 0\nunknown u : vector Q3\nunknown v : vector Q2\n\
+        def sigma(w) = 300*Div_w*Id(3) + 800*Sym(Grad_w)\n\
+        term both on all : sigma(u):Grad_Test_u + 2*sigma(v):Grad_Test_v + 90*(u - v).(Test_u - Test_v)\n\
+        fix u = [0,0,0] on left\nload v = [1,1,0] on all\n";
+    Both::of(&prepared(on_hexahedra).system).agree();
     let coupled = "mesh box [0,0] to [1,1] cells [6,6] tri\nregion left = faces where x == 0\nunknown a : scalar P2\n\
         unknown b : scalar P1\nterm both on all : Grad_a.Grad_Test_a + 2*Grad_b.Grad_Test_b + (a - b)*(Test_a - Test_b)\n\
         fix a = 0 on left\nload b = 1 on all\n";

@@ -34,7 +34,7 @@ pub(super) struct Entries {
     pub(super) symmetric: bool,
     /// Number of outputs of the kernel.
     pub(super) n_outputs: usize,
-    outputs: Vec<Val>,
+    pub(super) outputs: Vec<Val>,
 }
 
 impl Entries {

@@ -5,7 +5,10 @@
 //! change, or by cell where their means are asked for.
 
 use crate::assemble::{
-    applied::number::Number,
+    applied::{
+        factors::{Lines, Reads},
+        number::Number,
+    },
     binding::{GroupBinding, SlotPlace},
     entries::{Coefficient, Entries},
     simd::Lanes,
@@ -19,15 +22,18 @@ pub(super) struct Functions<T> {
     pub(super) n_components: usize,
     /// Nodes of a cell.
     pub(super) n_nodes: usize,
-    /// `[point][function]`; empty where no slot reads values.
+    pub(super) reads: Reads,
+    /// Tables of one direction, where sums are taken direction by direction.
+    pub(super) lines: Option<Lines<T>>,
+    /// `[point][function]`; empty where no slot reads values or sums are taken direction by direction.
     pub(super) values: Vec<T>,
-    /// `[point][function][direction]`, derivatives in the reference cell; empty where no slot reads them.
+    /// `[point][function][direction]`, derivatives in the reference cell; empty likewise.
     pub(super) gradients: Vec<T>,
     /// `[batch][function][lane]`: the first dof of the node.
     pub(super) dofs: Vec<u32>,
     /// Where its numbers begin among those of a cell.
     pub(super) first: usize,
-    /// Where its values and its derivatives begin among the numbers of a point.
+    /// Where its values `[component]` and its derivatives `[direction][component]` begin among the numbers of a point.
     pub(super) value_at: usize,
     pub(super) gradient_at: usize,
 }
@@ -102,21 +108,24 @@ pub(super) struct Cells<T: Number> {
 pub(super) struct Layout {
     values: Vec<usize>,
     gradients: Vec<usize>,
+    /// Components of each field.
+    components: Vec<usize>,
     n: usize,
 }
 
 impl Layout {
     /// Of the slots of a law; values and derivatives of a field that some slot reads have places.
     pub(super) fn new(group: &GroupBinding, slots: &[&SlotPlace], dim: usize) -> Self {
-        let (mut values, mut gradients, mut n) = (Vec::new(), Vec::new(), 0);
+        let (mut values, mut gradients, mut components, mut n) = (Vec::new(), Vec::new(), Vec::new(), 0);
         for (b, basis) in group.bases.iter().enumerate() {
             let reads = |op: FieldOp| slots.iter().any(|slot| slot.basis == b && slot.op == op);
+            components.push(basis.n_components);
             values.push(n);
             n += if reads(FieldOp::Value) { basis.n_components } else { 0 };
             gradients.push(n);
             n += if reads(FieldOp::Grad) { basis.n_components * dim } else { 0 };
         }
-        Self { values, gradients, n }
+        Self { values, gradients, components, n }
     }
 
     fn has_values(&self, basis: usize) -> bool {
@@ -127,10 +136,11 @@ impl Layout {
         self.values.get(basis + 1).copied().unwrap_or(self.n) > self.gradients[basis]
     }
 
-    fn of(&self, slot: &SlotPlace, dim: usize) -> u16 {
+    /// Values by component, derivatives by direction and component: neighbours are those that one pass over a direction makes.
+    fn of(&self, slot: &SlotPlace) -> u16 {
         let at = match slot.op {
             FieldOp::Value => self.values[slot.basis] + slot.component,
-            _ => self.gradients[slot.basis] + slot.component * dim + slot.direction,
+            _ => self.gradients[slot.basis] + slot.direction * self.components[slot.basis] + slot.component,
         };
         u16::try_from(at).expect("few slots")
     }
@@ -169,6 +179,8 @@ pub(in crate::assemble) struct Group<'a> {
     pub(in crate::assemble) dim: usize,
     pub(in crate::assemble) n_cells: usize,
     pub(in crate::assemble) weights: &'a [f64],
+    /// In the reference cell.
+    pub(in crate::assemble) points: &'a [[f64; 3]],
     pub(in crate::assemble) is_affine: bool,
     pub(in crate::assemble) binding: &'a GroupBinding,
     /// By field where its dofs begin.
@@ -187,7 +199,7 @@ impl<T: Number> Cells<T> {
         let of_entry = |(t, s, c): &(usize, usize, usize)| {
             let (test, trial) = (&group.tests[*t], &group.trials[*s]);
             let derivatives = test.op.order() + trial.op.order();
-            Pair { test: layout.of(test, dim), trial: layout.of(trial, dim), coefficient: *c, derivatives }
+            Pair { test: layout.of(test), trial: layout.of(trial), coefficient: *c, derivatives }
         };
         let mut pairs: Vec<Pair> = group.entries.list.iter().map(of_entry).collect();
         pairs.sort_unstable_by_key(|pair| (pair.test, pair.trial, pair.coefficient));
@@ -283,6 +295,11 @@ impl<T: Number> Cells<T> {
         self.stored.len() * if are_means { 1 } else { self.n_points }
     }
 
+    /// Whether sums of some field are taken direction by direction.
+    pub(super) fn has_grids(&self) -> bool {
+        self.functions.iter().any(|of| of.lines.is_some())
+    }
+
     /// Number of batches.
     pub(super) fn n_batches(&self) -> usize {
         self.n_cells.div_ceil(T::LANES)
@@ -290,11 +307,21 @@ impl<T: Number> Cells<T> {
 
     /// Bytes that are stored.
     pub(super) fn bytes(&self) -> usize {
-        let functions = self
-            .functions
-            .iter()
-            .map(|f| size_of::<T>() * (f.values.len() + f.gradients.len()) + size_of::<u32>() * f.dofs.len());
+        let functions =
+            self.functions.iter().map(|f| size_of::<T>() * f.n_in_tables() + size_of::<u32>() * f.dofs.len());
         functions.sum::<usize>() + size_of::<T::Line>() * self.maps.len()
+    }
+}
+
+impl<T> Functions<T> {
+    /// Numbers of its values at all points where sums are taken direction by direction, else none.
+    pub(super) fn n_on_grid(&self) -> usize {
+        self.lines.as_ref().map_or(0, |lines| self.n_components * lines.n_in_cell)
+    }
+
+    /// Numbers in its tables.
+    fn n_in_tables(&self) -> usize {
+        self.values.len() + self.gradients.len() + self.lines.as_ref().map_or(0, Lines::len)
     }
 }
 
@@ -359,11 +386,16 @@ fn functions<T: Number>(group: &Group<'_>, layout: &Layout) -> Vec<Functions<T>>
                 }
             }
         }
+        let reads = Reads { values: layout.has_values(b), gradients: layout.has_gradients(b) };
+        let factors = reads.factors(&basis.table, group.points);
+        let at_once = factors.is_none();
         Functions {
             n_components: basis.n_components,
             n_nodes: basis.n_nodes,
-            values: numbers(layout.has_values(b), &basis.table.values),
-            gradients: numbers(layout.has_gradients(b), &basis.table.gradients),
+            reads,
+            lines: factors.as_ref().map(Lines::new),
+            values: numbers(reads.values && at_once, &basis.table.values),
+            gradients: numbers(reads.gradients && at_once, &basis.table.gradients),
             dofs,
             first: basis.offset,
             value_at: layout.values[b],

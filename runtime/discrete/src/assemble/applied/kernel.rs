@@ -1,23 +1,26 @@
 //! The action of a term on a batch of cells: derivatives at the points, the law, and back.
 //!
 //! With u at the nodes: G = Σ_k u_k dN_k in the reference cell, g = G J⁻¹, f = (entries of the law) g, F = w f J⁻ᵀ, and
-//! r_k = Σ F dN_k over the points. Everything of a point stays in registers but the numbers that the entries of the law mix.
+//! r_k = Σ F dN_k over the points. Where functions are products, sums over k are taken direction by direction, at all points of a
+//! batch before the law and behind it; else point by point, and all stays in registers but what the entries of the law mix.
 
 use pulp::{Simd, WithSimd};
 
 use crate::assemble::applied::{
     cells::{Cells, Functions, Law},
     number::Number,
+    passes::{Grids, OnGrid},
 };
 
-/// A batch with its memory: nodal values, what comes out by node, and the numbers of a point before and behind the law.
+/// A batch with its memory: nodal values, what comes out by node, and the numbers of points before and behind the law.
 pub(super) struct Action<'a, T: Number> {
     pub(super) cells: &'a Cells<T>,
     pub(super) law: &'a Law<T>,
     pub(super) batch: usize,
     pub(super) local: &'a [T::Line],
     pub(super) out: &'a mut [T::Line],
-    pub(super) trials: &'a mut [T::Line],
+    /// Before the law, of all points where some functions are products, with what they need; else of one.
+    pub(super) grids: Grids<'a, T>,
     /// Zero where no entry makes something.
     pub(super) fluxes: &'a mut [T::Line],
 }
@@ -49,28 +52,33 @@ impl<T: Number> WithSimd for Action<'_, T> {
 impl<T: Number> Action<'_, T> {
     #[inline(always)]
     fn all<S: Simd, const D: usize>(&mut self, simd: S) {
-        let cells = self.cells;
+        let (cells, n) = (self.cells, self.cells.n_at_point);
         let zero = T::splat(simd, T::default());
+        let on_grid = || cells.functions.iter().filter_map(|of| OnGrid::new(of, n, D));
+        let step = if cells.has_grids() { n } else { 0 };
         for p in 0..T::parts::<S>() {
             self.out.iter_mut().for_each(|line| T::store::<S>(line, p, zero));
+            on_grid().for_each(|field| field.to_points(simd, p, self.local, &mut self.grids));
             for q in 0..cells.n_points {
                 let point = Point::<T, S, D>::new(simd, cells, [self.batch, q], p);
+                let trials = &mut self.grids.at_points[q * step..][..n];
                 for functions in &cells.functions {
                     match functions.n_components {
-                        1 => point.evaluate::<1>(functions, self.local, self.trials),
-                        2 => point.evaluate::<2>(functions, self.local, self.trials),
-                        _ => point.evaluate::<3>(functions, self.local, self.trials),
+                        1 => point.evaluate::<1>(functions, self.local, trials),
+                        2 => point.evaluate::<2>(functions, self.local, trials),
+                        _ => point.evaluate::<3>(functions, self.local, trials),
                     }
                 }
-                law(self.law, [self.batch, cells.n_points], &point, self.trials, self.fluxes);
+                law(self.law, [self.batch, cells.n_points], &point, trials, self.fluxes);
                 for functions in &cells.functions {
                     match functions.n_components {
-                        1 => point.integrate::<1>(functions, self.fluxes, self.out),
-                        2 => point.integrate::<2>(functions, self.fluxes, self.out),
-                        _ => point.integrate::<3>(functions, self.fluxes, self.out),
+                        1 => point.integrate::<1>(functions, self.fluxes, trials, self.out),
+                        2 => point.integrate::<2>(functions, self.fluxes, trials, self.out),
+                        _ => point.integrate::<3>(functions, self.fluxes, trials, self.out),
                     }
                 }
             }
+            on_grid().for_each(|field| field.to_nodes(simd, p, &mut self.grids, self.out));
         }
     }
 }
@@ -119,26 +127,32 @@ impl<T: Number, S: Simd, const D: usize> Point<T, S, D> {
         Self { simd, q, p, inverse, weight }
     }
 
-    /// Values and derivatives of a field of N components.
+    /// Values and derivatives of a field of N components; of one on a grid the derivatives in the reference cell stand there.
     #[inline(always)]
     fn evaluate<const N: usize>(&self, of: &Functions<T>, local: &[T::Line], trials: &mut [T::Line]) {
         let (simd, p, n) = (self.simd, self.p, of.n_nodes);
         let zero = T::splat(simd, T::default());
         let nodes = &local[of.first..][..n * N];
-        if !of.gradients.is_empty() {
-            let table = &of.gradients[self.q * n * D..][..n * D];
+        if of.reads.gradients {
+            let out = &mut trials[of.gradient_at..][..N * D];
             let mut sums = [[zero; D]; N];
-            for (node, row) in nodes.chunks_exact(N).zip(table.chunks_exact(D)) {
-                for (sums, line) in sums.iter_mut().zip(node) {
-                    let u = T::load::<S>(line, p);
-                    for (sum, slope) in sums.iter_mut().zip(row) {
-                        *sum = T::fused(simd, *sum, u, T::splat(simd, *slope));
+            if of.lines.is_some() {
+                for (d, lines) in out.chunks_exact(N).enumerate() {
+                    sums.iter_mut().zip(lines).for_each(|(sums, line)| sums[d] = T::load::<S>(line, p));
+                }
+            } else {
+                let table = &of.gradients[self.q * n * D..][..n * D];
+                for (node, row) in nodes.chunks_exact(N).zip(table.chunks_exact(D)) {
+                    for (sums, line) in sums.iter_mut().zip(node) {
+                        let u = T::load::<S>(line, p);
+                        for (sum, slope) in sums.iter_mut().zip(row) {
+                            *sum = T::fused(simd, *sum, u, T::splat(simd, *slope));
+                        }
                     }
                 }
             }
-            let out = &mut trials[of.gradient_at..][..N * D];
-            for (sums, out) in sums.iter().zip(out.chunks_exact_mut(D)) {
-                for (i, line) in out.iter_mut().enumerate() {
+            for (i, lines) in out.chunks_exact_mut(N).enumerate() {
+                for (sums, line) in sums.iter().zip(lines) {
                     let mut along = T::times(simd, sums[0], self.inverse[0][i]);
                     for d in 1..D {
                         along = T::fused(simd, along, sums[d], self.inverse[d][i]);
@@ -159,46 +173,71 @@ impl<T: Number, S: Simd, const D: usize> Point<T, S, D> {
         }
     }
 
-    /// Adds what the fluxes do at the nodes.
+    /// Adds what the fluxes do at the nodes; of a field on a grid what they are in the reference cell takes the place of the trials.
     #[inline(always)]
-    fn integrate<const N: usize>(&self, of: &Functions<T>, fluxes: &[T::Line], out: &mut [T::Line]) {
+    fn integrate<const N: usize>(
+        &self,
+        of: &Functions<T>,
+        fluxes: &[T::Line],
+        trials: &mut [T::Line],
+        out: &mut [T::Line],
+    ) {
         let (simd, p, n) = (self.simd, self.p, of.n_nodes);
         let zero = T::splat(simd, T::default());
         let nodes = &mut out[of.first..][..n * N];
-        if !of.gradients.is_empty() {
-            let from = &fluxes[of.gradient_at..][..N * D];
-            let mut along = [[zero; D]; N];
-            for (along, from) in along.iter_mut().zip(from.chunks_exact(D)) {
-                for (slot, inverse) in along.iter_mut().zip(&self.inverse) {
-                    let mut sum = zero;
-                    for (line, entry) in from.iter().zip(inverse) {
-                        sum = T::fused(simd, sum, T::load::<S>(line, p), *entry);
-                    }
-                    *slot = T::times(simd, sum, self.weight);
+        if of.reads.gradients {
+            let along = self.in_reference::<N>(of, fluxes);
+            if of.lines.is_some() {
+                for (d, lines) in trials[of.gradient_at..][..N * D].chunks_exact_mut(N).enumerate() {
+                    along.iter().zip(lines).for_each(|(along, line)| T::store::<S>(line, p, along[d]));
                 }
-            }
-            let table = &of.gradients[self.q * n * D..][..n * D];
-            for (node, row) in nodes.chunks_exact_mut(N).zip(table.chunks_exact(D)) {
-                for (line, along) in node.iter_mut().zip(&along) {
-                    let mut sum = T::load::<S>(line, p);
-                    for (along, slope) in along.iter().zip(row) {
-                        sum = T::fused(simd, sum, *along, T::splat(simd, *slope));
+            } else {
+                let table = &of.gradients[self.q * n * D..][..n * D];
+                for (node, row) in nodes.chunks_exact_mut(N).zip(table.chunks_exact(D)) {
+                    for (line, along) in node.iter_mut().zip(&along) {
+                        let mut sum = T::load::<S>(line, p);
+                        for (along, slope) in along.iter().zip(row) {
+                            sum = T::fused(simd, sum, *along, T::splat(simd, *slope));
+                        }
+                        T::store::<S>(line, p, sum);
                     }
-                    T::store::<S>(line, p, sum);
                 }
             }
         }
-        if !of.values.is_empty() {
+        if of.reads.values {
             let mut weighed = [zero; N];
             for (slot, line) in weighed.iter_mut().zip(&fluxes[of.value_at..][..N]) {
                 *slot = T::times(simd, T::load::<S>(line, p), self.weight);
             }
-            for (node, value) in nodes.chunks_exact_mut(N).zip(&of.values[self.q * n..][..n]) {
-                for (line, flux) in node.iter_mut().zip(&weighed) {
-                    let sum = T::fused(simd, T::load::<S>(line, p), *flux, T::splat(simd, *value));
-                    T::store::<S>(line, p, sum);
+            if of.lines.is_some() {
+                let all = weighed.iter().zip(&mut trials[of.value_at..][..N]);
+                all.for_each(|(flux, line)| T::store::<S>(line, p, *flux));
+            } else {
+                for (node, value) in nodes.chunks_exact_mut(N).zip(&of.values[self.q * n..][..n]) {
+                    for (line, flux) in node.iter_mut().zip(&weighed) {
+                        let sum = T::fused(simd, T::load::<S>(line, p), *flux, T::splat(simd, *value));
+                        T::store::<S>(line, p, sum);
+                    }
                 }
             }
         }
+    }
+
+    /// Fluxes of the derivatives in the reference cell, times the weight.
+    #[inline(always)]
+    fn in_reference<const N: usize>(&self, of: &Functions<T>, fluxes: &[T::Line]) -> [[T::Vector<S>; D]; N] {
+        let zero = T::splat(self.simd, T::default());
+        let from = &fluxes[of.gradient_at..][..N * D];
+        let mut along = [[zero; D]; N];
+        for (c, along) in along.iter_mut().enumerate() {
+            for (slot, inverse) in along.iter_mut().zip(&self.inverse) {
+                let mut sum = zero;
+                for (lines, entry) in from.chunks_exact(N).zip(inverse) {
+                    sum = T::fused(self.simd, sum, T::load::<S>(&lines[c], self.p), *entry);
+                }
+                *slot = T::times(self.simd, sum, self.weight);
+            }
+        }
+        along
     }
 }

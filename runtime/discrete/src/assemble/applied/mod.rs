@@ -5,8 +5,10 @@
 //! single precision for preconditioners. Promises: the same bits for any number of threads. Does not know which dofs are prescribed.
 
 mod cells;
+mod factors;
 mod kernel;
 mod number;
+mod passes;
 mod peak;
 mod portions;
 
@@ -21,8 +23,10 @@ use wfl_compiler::ir::LANES;
 
 use cells::{Cells, Functions, Law};
 pub(in crate::assemble) use cells::{Group, Units};
+pub(in crate::assemble) use factors::{Factors, PRODUCTS_OF_A_LINE, Reads};
 use kernel::Action;
 pub(crate) use number::Number;
+use passes::Grids;
 pub use peak::products_per_second;
 use portions::{Duty, Portions};
 
@@ -206,8 +210,9 @@ impl<T: Number> AppliedTerm<T> {
                 _ => of.gather::<3>(duty.batch, u, &mut memory.local),
             }
         }
-        let Memory { local, out: by_node, trials, fluxes, .. } = memory;
-        self.skeleton.arch.dispatch(Action { cells, law, batch: duty.batch, local, out: by_node, trials, fluxes });
+        let Memory { local, out: by_node, at_points, scratch: [one, other], fluxes, .. } = memory;
+        let grids = Grids { at_points, scratch: [one, other] };
+        self.skeleton.arch.dispatch(Action { cells, law, batch: duty.batch, local, out: by_node, grids, fluxes });
         let n_cells = T::LANES.min(cells.n_cells - duty.batch * T::LANES);
         for of in &cells.functions {
             let to = Scatter { out, batch: duty.batch, n_cells };
@@ -240,14 +245,17 @@ struct Memory<T: Number> {
     group: Option<usize>,
     local: Vec<T::Line>,
     out: Vec<T::Line>,
-    trials: Vec<T::Line>,
+    /// `[point][number]` of all points if sums of some field are taken direction by direction, else of one.
+    at_points: Vec<T::Line>,
+    scratch: [Vec<T::Line>; 2],
     fluxes: Vec<T::Line>,
 }
 
 impl<T: Number> Default for Memory<T> {
     fn default() -> Self {
         let none = Vec::new;
-        Self { group: None, local: none(), out: none(), trials: none(), fluxes: none() }
+        let scratch = [none(), none()];
+        Self { group: None, local: none(), out: none(), at_points: none(), scratch, fluxes: none() }
     }
 }
 
@@ -257,10 +265,15 @@ impl<T: Number> Memory<T> {
             return;
         }
         self.group = Some(group);
+        let n_on_grid = cells.functions.iter().map(Functions::n_on_grid).max().unwrap_or(0);
+        let n_points = if cells.has_grids() { cells.n_points } else { 1 };
+        let [one, other] = &mut self.scratch;
         for (lines, n) in [
+            (one, n_on_grid),
+            (other, n_on_grid),
             (&mut self.local, cells.n_local),
             (&mut self.out, cells.n_local),
-            (&mut self.trials, cells.n_at_point),
+            (&mut self.at_points, n_points * cells.n_at_point),
             (&mut self.fluxes, cells.n_at_point),
         ] {
             // what no entry makes is zero
@@ -310,3 +323,6 @@ impl<T: Number> Functions<T> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

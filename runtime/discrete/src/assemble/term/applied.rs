@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{AssembledTerm, TermError};
 use crate::assemble::{
-    applied::{AppliedTerm, Group, Keeping, Number, Skeleton},
+    applied::{AppliedTerm, Factors, Group, Keeping, Number, PRODUCTS_OF_A_LINE, Reads, Skeleton},
     evaluate::{FieldValues, Workspace},
     simd::{Lanes, ZERO},
 };
@@ -23,6 +23,10 @@ pub struct Counts {
     pub operations: f64,
     /// The same on the levels of multigrid, where entries of smooth laws are means over cells.
     pub operations_on_levels: f64,
+    /// Numbers that are written between these products, where sums are taken direction by direction.
+    pub written: f64,
+    /// The same on the levels.
+    pub written_on_levels: f64,
     /// Numbers that are read from and added to nodes, cell by cell.
     pub gathered: f64,
     /// Entries of laws that are stored, and those on the levels.
@@ -34,11 +38,21 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// Products with sums that take as long as the products and what is written between them: of the term, and on the levels.
+    #[must_use]
+    #[expect(clippy::cast_precision_loss, reason = "a small count")]
+    pub fn effort(&self) -> [f64; 2] {
+        let of_line = PRODUCTS_OF_A_LINE as f64;
+        [self.operations + of_line * self.written, self.operations_on_levels + of_line * self.written_on_levels]
+    }
+
     /// The sum.
     pub(crate) fn plus(self, own: Self) -> Self {
         Self {
             operations: self.operations + own.operations,
             operations_on_levels: self.operations_on_levels + own.operations_on_levels,
+            written: self.written + own.written,
+            written_on_levels: self.written_on_levels + own.written_on_levels,
             gathered: self.gathered + own.gathered,
             stored: self.stored + own.stored,
             stored_on_levels: self.stored_on_levels + own.stored_on_levels,
@@ -54,24 +68,36 @@ impl AssembledTerm {
         let (binding, dim) = (&self.assembled.binding, self.assembled.domain.dim);
         let slots = || binding.tests.iter().chain(&binding.trials);
         let mut counts = Counts::default();
+        let has_means = self.has_means_on_levels();
         for (g, (group, bound)) in self.assembled.domain.groups.iter().zip(&binding.groups).enumerate() {
             let reads = |b: usize, op: FieldOp| slots().any(|slot| slot.basis == b && slot.op == op);
-            let (mut by_point, mut local) = (self.entries.list.len(), 0);
+            let (n, n_points) = (group.entities.len(), group.n_points());
+            let on_levels = if has_means { self.n_points_of_means(mesh, fields, g) } else { n_points };
+            let (mut by_point, mut local, mut sums) = (self.entries.list.len(), 0, [[0; 2]; 2]);
             for (b, basis) in bound.bases.iter().enumerate() {
                 let (n, nodes) = (basis.n_components, basis.n_nodes);
-                let (values, slopes) = (reads(b, FieldOp::Value), reads(b, FieldOp::Grad));
-                by_point += if slopes { n * dim * (2 * nodes + 2 * dim + 1) } else { 0 };
-                by_point += if values { n * (2 * nodes + 1) } else { 0 };
-                local += if values || slopes { n * nodes } else { 0 };
+                let reads = Reads { values: reads(b, FieldOp::Value), gradients: reads(b, FieldOp::Grad) };
+                if !reads.any() {
+                    continue;
+                }
+                local += n * nodes;
+                by_point += if reads.gradients { n * dim * (2 * dim + 1) } else { 0 };
+                by_point += if reads.values { n } else { 0 };
+                // to the points and back
+                let factors = Factors::of(&basis.table, &group.here.points);
+                for (sums, n_points) in sums.iter_mut().zip([n_points, on_levels]) {
+                    let work = reads.work(factors.as_ref(), [n_points, nodes], dim);
+                    sums.iter_mut().zip(work).for_each(|(sum, work)| *sum += 2 * n * work);
+                }
             }
-            let (n, n_points) = (group.entities.len(), group.n_points());
-            let are_means = self.has_means_on_levels();
-            let on_levels = if are_means { self.n_points_of_means(mesh, fields, g) } else { n_points };
-            counts.operations += (n * n_points * by_point) as f64;
-            counts.operations_on_levels += (n * on_levels * by_point) as f64;
+            let [own, of_levels] = sums;
+            counts.operations += (n * (n_points * by_point + own[0])) as f64;
+            counts.operations_on_levels += (n * (on_levels * by_point + of_levels[0])) as f64;
+            counts.written += (n * own[1]) as f64;
+            counts.written_on_levels += (n * of_levels[1]) as f64;
             counts.gathered += (2 * n * local) as f64;
             counts.stored += (n * n_points * self.entries.n_outputs) as f64;
-            counts.stored_on_levels += (n * if are_means { 1 } else { n_points } * self.entries.n_outputs) as f64;
+            counts.stored_on_levels += (n * if has_means { 1 } else { n_points } * self.entries.n_outputs) as f64;
             counts.entries += (n * local * local) as f64;
         }
         counts
@@ -119,7 +145,8 @@ impl AssembledTerm {
                 dim: domain.dim,
                 n_cells: group.entities.len(),
                 weights: &group.weights,
-                is_affine: group.here.cells.iter().all(|cell| mesh.map_order(*cell) <= 1),
+                points: &group.here.points,
+                is_affine: group.here.cells.iter().all(|cell| mesh.map_order(*cell) == 0),
                 binding: bound,
                 starts,
                 tests: &binding.tests,

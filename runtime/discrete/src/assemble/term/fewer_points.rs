@@ -60,7 +60,7 @@ impl AssembledTerm {
     /// A rule for products of two functions of a group, if it has fewer points than that of the term and maps are affine.
     fn rule_of_products(&self, mesh: &Mesh, fields: &[Field], g: usize) -> Option<quadrature::Rule> {
         let group = &self.assembled.domain.groups[g];
-        if group.here.cells.iter().any(|cell| mesh.map_order(*cell) > 1) {
+        if group.here.cells.iter().any(|cell| mesh.map_order(*cell) > 0) {
             return None;
         }
         let rule = quadrature::rule(group.here.kind, self.degree_of_products(fields, g)).ok()?;
