@@ -6,6 +6,7 @@
 
 mod alternating;
 mod bending;
+mod common_motion;
 pub mod consistency;
 mod cubic;
 mod definite;
