@@ -517,7 +517,9 @@ pages! {
          relative to what the run changes of a field. Where its values, or what cancels in its equations, are so much larger that \
          rounding is more than the demanded part of that, no step can have the demanded error: solve for the difference from \
          the start. Where nearly all of the change is the flight with which a body starts, the demanded part of it may be \
-         much of what happens beside: start at rest what flies together.",
+         much of what happens beside: start at rest what flies together. The same is told of a field without inertia that drifts, all of it \
+         alike and at the rate of the first step, where a step was seen to miss much of what happens beside: solve for the difference \
+         from the drift.",
         "steps t = 0 to 1 by auto with first=0.1, least=0.1, error=1e-9",
         "steps t = 0 to 1 by auto with error=1e-3",
     ),
