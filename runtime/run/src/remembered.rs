@@ -436,14 +436,15 @@ fn course(scene: &Solving<'_>) -> Vec<f64> {
 /// By dof of a field the rate in the middle of those of its component, on any rank.
 fn in_the_middle(system: &System, field: usize, rates: Vec<(usize, f64)>) -> Vec<(usize, f64)> {
     let component = |dof: usize| system.numbering.describe(&system.fields, dof).2;
-    let mut ends = vec![f64::NEG_INFINITY; 2 * system.fields[field].n_components];
+    let mut ends = vec![[f64::INFINITY, f64::NEG_INFINITY]; system.fields[field].n_components];
     for (dof, rate) in &rates {
-        for (end, rate) in ends[2 * component(*dof)..].iter_mut().zip([*rate, -rate]) {
-            *end = end.max(rate);
-        }
+        let [low, high] = &mut ends[component(*dof)];
+        (*low, *high) = (low.min(*rate), high.max(*rate));
     }
-    system.team().max(&mut ends);
-    let middle = |dof: usize| 0.5 * (ends[2 * component(dof)] - ends[2 * component(dof) + 1]);
+    for ends in &mut ends {
+        *ends = system.team().range(ends[0], ends[1]);
+    }
+    let middle = |dof: usize| 0.5 * (ends[component(dof)][0] + ends[component(dof)][1]);
     rates.into_iter().map(|(dof, _)| (dof, middle(dof))).collect()
 }
 

@@ -286,3 +286,20 @@ fn rings_that_widen_are_compared_with_their_widening() {
     assert!(ran.code == 0 && (ran.last("widened") / 5.1e-3 - 1.0).abs() < 0.05, "{}", ran.text);
     assert!((ran.last("overlap") / 5e-6 - 1.0).abs() < 0.1 && !ran.tells("W606"), "{}", ran.text);
 }
+
+/// A temperature that a wrong sign makes grow from nothing beside a constant: it was told of a constant of zero alone.
+#[test]
+fn growth_without_end_is_told_beside_any_constant() {
+    let ran = |c: &str, sign: &str| {
+        let scene = format!(
+            "param c = {c}\nmesh box [0] to [1] cells [10] segment\nregion left = faces where x == 0\nunknown T : scalar\n\
+             start T = c + 1e-9*x\nterm stored on all : Dot_T*Test_T\n\
+             term flow on all : 0.3*Grad_T.Grad_Test_T {sign} 4*(T - c)*Test_T\nfix T = c on left\nsteps t = 0 to 5 by 0.02\n"
+        );
+        run(&format!("offset-growth-{c}-{}", sign.len()), &scene, &[])
+    };
+    for c in ["0", "293", "-1e3"] {
+        assert!(ran(c, "-").tells("W647"), "{c}");
+        ran(c, "+ 0*t +").assert_silent();
+    }
+}
