@@ -118,7 +118,7 @@ fn small_turn(moments: &Matrix3<f64>, squares: &Matrix3<f64>, dim: usize) -> Opt
 }
 
 /// R - Id of the rotation R that makes |x + v - R x| least over all nodes (Kabsch 1976), of the same sums.
-fn finite_turn(moments: &Matrix3<f64>, squares: &Matrix3<f64>, dim: usize) -> Option<Matrix3<f64>> {
+pub(crate) fn finite_turn(moments: &Matrix3<f64>, squares: &Matrix3<f64>, dim: usize) -> Option<Matrix3<f64>> {
     let covariance = moments + squares;
     let of_space = DMatrix::from_fn(dim, dim, |i, j| covariance[(i, j)]);
     let (left, right) =

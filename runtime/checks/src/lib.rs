@@ -28,6 +28,7 @@ mod stability;
 mod strains;
 mod tractions;
 mod turned;
+mod turned_sides;
 mod uniqueness;
 mod worst;
 

@@ -13,6 +13,7 @@ use super::{
     common_motion::beside_common,
     moments::{Moments, moments},
     multiplier_law::LawDefect,
+    turned_sides::turned_sum,
 };
 use wfl_contact::{Alternation, ContactGaps, Look, Moved, PressedFaces, Ways, contact_gaps, is_between};
 use wfl_discrete::assemble::{AssembledTerm, TermError};
@@ -372,6 +373,11 @@ fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsChe
         if rigid != every {
             (sum, _) = summed(system, &forces, Some(&at(&vec![0.0; u.len()])?), rigid);
         }
+    }
+    if share(sum, size) > BALANCE {
+        // of the ends of a sector one is the other turned, and so are the forces
+        let moves = |field: usize| displacement_groups(system).iter().any(|group| group.contains(&field));
+        sum = turned_sum(system, term, u, moves).map_or(sum, |turned| sum.min(turned));
     }
     if share(sum, size) > BALANCE {
         // a motion that is no rigid one: of both sides together the forces are the stiffness times the motion
