@@ -303,3 +303,18 @@ fn growth_without_end_is_told_beside_any_constant() {
         ran(c, "+ 0*t +").assert_silent();
     }
 }
+
+/// A bar far stiffer than its support moves by F/k = 1. Of so few equations the residual may be zero by accident, whatever the state: it
+/// moved by 0.998 at a stiffness of 1e12, with no word of its digits.
+#[test]
+fn a_residual_that_is_zero_by_accident_is_no_solution() {
+    for stiff in ["1e6", "1e9", "1e11", "0.9e12", "1e12", "1.1e12", "1e13"] {
+        let scene = format!(
+            "mesh box [0] to [1] cells [10] segment\nregion left = faces where x == 0\nregion right = faces where x == 1\n\
+             unknown T : scalar\nstart T = 0\nterm bar on all : {stiff}*Grad_T.Grad_Test_T\nterm support on left : T*Test_T\n\
+             load T = 1 on right\nmeasure d = mean(T) on left\n"
+        );
+        let ran = run(&format!("offset-zero-{stiff}"), &scene, &[]);
+        assert!(ran.code == 0 && (ran.last("d") - 1.0).abs() < 1e-6, "{stiff}: {}", ran.text);
+    }
+}
