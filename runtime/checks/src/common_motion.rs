@@ -8,7 +8,10 @@
 //! that the two sides of a law on one body have in common with an obstacle.
 
 use nalgebra::{DMatrix, Matrix3, Vector3};
+use wfl_contact::is_between;
 use wfl_discrete::{finite::largest, system::System};
+
+use crate::Solved;
 
 /// A rotation counts as one that bodies have in common where at most this part of their displacements is left beside it: a body that
 /// is pressed against another one turns a little on average, and what is left is far more than half.
@@ -25,8 +28,13 @@ struct Node {
 }
 
 /// By body the size (length) of what it and those that it meets do beside a motion that all have in common, at most
-/// `by_body`; zero where that is zero. By direction `rigid` says whether a translation strains no cell.
-pub(crate) fn beside_common(system: &System, u: &[f64], by_body: &[f64], rigid: [bool; 3]) -> Vec<f64> {
+/// `by_body`; that itself in a scene without contact of two bodies. By direction `rigid` says whether a translation strains no cell.
+pub(crate) fn beside_common(state: Solved<'_>, by_body: &[f64], rigid: [bool; 3]) -> Vec<f64> {
+    let Solved { system, contact, u, .. } = state;
+    let is_vector = |field: usize| system.fields[field].n_components == system.mesh.dim();
+    if !contact.terms().iter().any(|term| is_between(system, term.term, is_vector)) {
+        return by_body.to_vec();
+    }
     let mut found = by_body.to_vec();
     for first in (0..by_body.len()).filter(|b| system.first_alike(*b) == *b) {
         let is_of_group = |b: &usize| system.first_alike(*b) == first && by_body[*b] > 0.0;

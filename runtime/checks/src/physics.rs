@@ -469,12 +469,12 @@ pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
     let has_moved = by_body.iter().any(|size| *size > least);
     let mut found = Conditions::default();
     if has_moved {
-        let beside = beside_common(system, state.u, &by_body, [true; 3]);
+        let beside = beside_common(state, &by_body, [true; 3]);
         found = of_contact(state, Moved { by_body: &by_body, beside: &beside, least }, Look::Quick);
         if !found.narrow.is_empty() || !found.checks.iter().all(PhysicsCheck::holds) {
             // a motion of all that strains bodies, as one away from an axis of revolution, is none that they only have in common
             let rigid = if beside == by_body { [true; 3] } else { rigid_translations(system, state.u) };
-            let beside = beside_common(system, state.u, &by_body, rigid);
+            let beside = beside_common(state, &by_body, rigid);
             found = of_contact(state, Moved { by_body: &by_body, beside: &beside, least }, Look::Careful);
         }
     }

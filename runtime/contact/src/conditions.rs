@@ -341,12 +341,11 @@ pub fn contact_gaps<'a>(
 impl ContactTerm {
     /// The violations at a state at which the bodies have moved so far; `values` has the branches of the law as written.
     fn gaps(&self, system: &System, values: FieldValues<'_>, ways: Ways, careful: Option<&Careful>) -> ContactGaps {
-        let Ways { largest: moved, compared } = ways;
         let largest = self.stiffnesses(system, values);
         let fluxes = self.own_fluxes(system, values, careful);
         let motions = self.motions(system);
         let gap_motions = self.gap_motions(&motions);
-        let mut found = Violations { moved, ..Violations::default() };
+        let mut found = Violations { moved: ways.largest, ..Violations::default() };
         let mut faces = FaceCount::new(self.counted_faces());
         let (mut point, mut pressures) = (0, Vec::new());
         let mut lengths = vec![[0.0; 2]; fluxes.len()];
@@ -354,7 +353,7 @@ impl ContactTerm {
         let may_pull = careful.is_some() && !self.has_traction(&system.fields);
         let resists = OnceCell::new();
         let is_meant_to_pull = |point: usize| {
-            let by_point = || self.resists_closing(system, values, fluxes.len(), compared);
+            let by_point = || self.resists_closing(system, values, fluxes.len(), ways.compared);
             may_pull && resists.get_or_init(by_point)[point]
         };
         self.arguments(system, values, |full, gap, slopes| {
@@ -383,7 +382,7 @@ impl ContactTerm {
                     ProjectionKind::HalfLine if pulls && is_meant_to_pull(point - 1) => {}
                     ProjectionKind::HalfLine => {
                         pressure = pressure.max(if p.n == 1 { at.x[0] } else { 0.0 });
-                        presses |= p.n == 1 && at.x[0] > STILL * moved * slope;
+                        presses |= p.n == 1 && at.x[0] > STILL * ways.largest * slope;
                         found.add_normal(&at);
                     }
                     ProjectionKind::Ball => {
@@ -394,9 +393,10 @@ impl ContactTerm {
             faces.add_point(presses);
             lengths[point - 1] = found.take_lengths();
         });
-        let is_doubtful = |[overlap, slip]: &[f64; 2]| careful.is_some() && overlap.max(*slip) > STRAINED * compared;
+        let is_doubtful =
+            |[overlap, slip]: &[f64; 2]| careful.is_some() && overlap.max(*slip) > STRAINED * ways.compared;
         let doubtful: Vec<bool> = lengths.iter().map(is_doubtful).collect();
-        let scales = [compared, careful.map_or(0.0, |careful| careful.initial)];
+        let scales = [ways.compared, careful.map_or(0.0, |careful| careful.initial)];
         found.add_lengths(&lengths, &self.elastic_joint(system, values, &doubtful, scales));
         let turns = careful.is_some_and(|careful| careful.turns.contains(&true));
         ContactGaps { turns: system.team().any(turns), ..self.of_all_ranks(system, found, faces.pressed, &pressures) }
