@@ -393,8 +393,7 @@ impl ContactTerm {
             faces.add_point(presses);
             lengths[point - 1] = found.take_lengths();
         });
-        let is_doubtful =
-            |[overlap, slip]: &[f64; 2]| careful.is_some() && overlap.max(*slip) > STRAINED * ways.compared;
+        let is_doubtful = |[a, b]: &[f64; 2]| careful.is_some() && a.max(*b) > STRAINED * ways.compared;
         let doubtful: Vec<bool> = lengths.iter().map(is_doubtful).collect();
         let scales = [ways.compared, careful.map_or(0.0, |careful| careful.initial)];
         found.add_lengths(&lengths, &self.elastic_joint(system, values, &doubtful, scales));
