@@ -2,7 +2,10 @@
 //!
 //! Differences are relative, in norms over the points of the reference run: `L2` and `H1` of the unknowns on cells, the
 //! outputs on contact faces (traction, slip, …) by name, measures of the last step by name. Unknowns of several kinds, such as
-//! displacements and a pressure, have no common unit: the norm of the worst kind counts. Promises: a point that the
+//! displacements and a pressure, have no common unit: the norm of the worst kind counts. A constant that is added to unknowns
+//! makes no error smaller: the norm `L2` that an error is a part of is that of the unknowns beside their value nearest to
+//! zero, by component: of what vanishes somewhere or changes its sign it is the norm itself, of temperatures between 293
+//! and 313 that of the rise above 293. Outputs and measures are taken as they are written. Promises: a point that the
 //! other mesh does not have is counted; with too many of them there is no number. Does not know which of two runs is
 //! better.
 
@@ -15,13 +18,16 @@ use wfl_discrete::{
     assemble::TermError,
     field::{Field, FieldSpace},
     space::Support,
-    system::{Branches, Form},
+    system::{Branches, Form, System},
 };
 use wfl_problem::{Given, SampleAt, Samples, Scene, StateAt};
 use wfl_run::Outcome;
 
 /// Degree to which the norms are exact.
 pub const NORM_DEGREE: usize = 5;
+/// Unknowns that vary by less than this part of themselves are constant: solutions keep ten digits at least, and the error is one
+/// of the constant.
+const VARIES: f64 = 1e-9;
 /// Most points that were not found, as a part of all.
 const LOST_POINTS: f64 = 0.01;
 /// What the name of a measure begins with where an output of the scene has the same name.
@@ -130,6 +136,9 @@ pub fn sampled_if(
     for sample in samples.iter_mut().filter(|s| is_norm(&s.name)) {
         let of = kinds.iter().find(|kind| kind.fields.iter().any(|field| sample.name[3..] == *field));
         (sample.kind, sample.vanishes) = of.map_or_else(Default::default, |k| (k.fields[0].clone(), k.vanishes));
+        if let (true, Some(of)) = (sample.name.starts_with("L2 "), of) {
+            sample.constant.clone_from(&of.constant);
+        }
     }
     Ok(samples)
 }
@@ -140,6 +149,8 @@ pub(crate) struct Kind {
     pub(crate) fields: Vec<String>,
     /// They are what rounding leaves of zero.
     pub(crate) vanishes: bool,
+    /// By component their value nearest to zero at the nodes: zero where they change their sign.
+    pub(crate) constant: Vec<f64>,
 }
 
 /// The unknowns on cells by kind; whether one vanishes matters beside another alone.
@@ -153,8 +164,14 @@ pub(crate) fn kinds(run: &Solved) -> Result<Vec<Kind>, String> {
         let Some(k) = system.fields.iter().position(|f| f.name == field) else { continue };
         match kinds.iter_mut().find(|(first, _)| *first == system.alike(k)) {
             Some((_, kind)) => kind.fields.push(field.to_owned()),
-            None => kinds.push((system.alike(k), Kind { fields: vec![field.to_owned()], vanishes: false })),
+            None => {
+                let kind = Kind { fields: vec![field.to_owned()], vanishes: false, constant: Vec::new() };
+                kinds.push((system.alike(k), kind));
+            }
         }
+    }
+    for (_, kind) in &mut kinds {
+        kind.constant = state(run).map_or_else(Vec::new, |last| nearest_to_zero(system, &kind.fields, last.unknowns));
     }
     if let (Some(last), true) = (state(run), kinds.len() > 1) {
         let told = |e: TermError| e.to_string();
@@ -168,6 +185,46 @@ pub(crate) fn kinds(run: &Solved) -> Result<Vec<Kind>, String> {
         }
     }
     Ok(kinds.into_iter().map(|(_, kind)| kind).collect())
+}
+
+/// By component the value nearest to zero between the smallest and the largest of some fields at their nodes; nothing where fields
+/// have different numbers of components.
+fn nearest_to_zero(system: &System, fields: &[String], u: &[f64]) -> Vec<f64> {
+    let (mut ends, mut n_components): (Vec<[f64; 2]>, Option<usize>) = (Vec::new(), None);
+    for (k, field) in system.fields.iter().enumerate().filter(|(_, f)| fields.contains(&f.name)) {
+        let Some(range) = system.range(k) else { continue };
+        let n = *n_components.get_or_insert(field.n_components);
+        if n != field.n_components {
+            return Vec::new();
+        }
+        ends.resize(n, [f64::INFINITY, f64::NEG_INFINITY]);
+        for (i, x) in u[range].iter().enumerate() {
+            let [low, high] = &mut ends[i % n];
+            (*low, *high) = (low.min(*x), high.max(*x));
+        }
+    }
+    ends.into_iter().map(|[low, high]| if low > 0.0 { low } else { high.min(0.0) }).collect()
+}
+
+/// A value of a field beside the constant that counts for nothing in its norm `L2`: the value nearest to zero of its kind, by component.
+///
+/// # Errors
+/// If the equations of the last step cannot be evaluated.
+pub fn beside_constant(run: &Solved, field: &str, value: &Expr) -> Result<Expr, String> {
+    let constant = kinds(run)?.into_iter().find(|kind| kind.fields.iter().any(|own| own == field));
+    Ok(constant.map_or_else(|| value.clone(), |kind| beside(run, value, &kind.constant)))
+}
+
+/// A value beside a constant, by component.
+pub(crate) fn beside(run: &Solved, value: &Expr, constant: &[f64]) -> Expr {
+    let like = |kind| Expr { kind, span: value.span, expansion: value.expansion };
+    let number = |c: &f64| Expr { kind: ExprKind::Number(*c), span: run.scene_span(), expansion: None };
+    let constant = match constant {
+        _ if constant.iter().all(|c| *c == 0.0) => return value.clone(),
+        [one] => number(one),
+        all => like(ExprKind::Tensor(vec![all.iter().map(number).collect()])),
+    };
+    like(ExprKind::Sum(vec![(false, value.clone()), (true, constant)]))
 }
 
 fn is_norm(name: &str) -> bool {
@@ -203,6 +260,8 @@ struct Sum {
     /// Squares of the difference and of the reference, times weights.
     difference: f64,
     norm: f64,
+    /// The square of the reference beside its constant.
+    beside: f64,
     /// Weights of all points, and of those that were found.
     all: f64,
     seen: f64,
@@ -221,11 +280,14 @@ impl Sum {
             self.seen += w;
             self.difference += w * a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
             self.norm += w * b.iter().map(|y| y * y).sum::<f64>();
+            let constant = like.constant.iter().copied().chain(std::iter::repeat(0.0));
+            self.beside += w * b.iter().zip(constant).map(|(y, c)| (y - c).powi(2)).sum::<f64>();
         }
     }
 
     fn relative(&self) -> f64 {
-        if self.seen >= (1.0 - LOST_POINTS) * self.all { (self.difference / self.norm).sqrt() } else { f64::NAN }
+        let norm = if self.beside > VARIES * VARIES * self.norm { self.beside } else { self.norm };
+        if self.seen >= (1.0 - LOST_POINTS) * self.all { (self.difference / norm).sqrt() } else { f64::NAN }
     }
 }
 
@@ -298,6 +360,31 @@ mod tests {
         let compared = |samples| Compared { samples, measures: &[] };
         let list = differences(compared(&found), compared(&reference));
         assert!(list.len() == 1 && list[0].0 == "L2" && (list[0].1 - 0.1).abs() < 1e-12, "{list:?}");
+    }
+
+    #[test]
+    fn a_constant_makes_no_error_smaller() {
+        let samples = |constant: f64, values: [f64; 2]| {
+            let values = values.map(|x| x + constant).to_vec();
+            let one = Samples {
+                name: "L2 T".to_owned(),
+                kind: "T".to_owned(),
+                constant: vec![constant],
+                ..Samples::default()
+            };
+            [Samples { components: 1, weights: vec![2.0, 2.0], values, ..one }]
+        };
+        for constant in [0.0, 293.0, -1e6] {
+            let [found, reference] = [samples(constant, [1.1, 2.2]), samples(constant, [1.0, 2.0])];
+            let compared = |samples| Compared { samples, measures: &[] };
+            let list = differences(compared(&found), compared(&reference));
+            assert!((list[0].1 - 0.1).abs() < 1e-8, "{constant}: {list:?}");
+        }
+        // of what does not vary the error is one of the constant
+        let [found, reference] = [samples(293.0, [2.93, 2.93]), samples(293.0, [0.0, 0.0])];
+        let list =
+            differences(Compared { samples: &found, measures: &[] }, Compared { samples: &reference, measures: &[] });
+        assert!((list[0].1 - 0.01).abs() < 1e-12, "{list:?}");
     }
 
     #[test]

@@ -6,6 +6,7 @@
 
 mod alternating;
 mod bending;
+mod common_motion;
 pub mod consistency;
 mod cubic;
 mod definite;
@@ -27,6 +28,7 @@ mod stability;
 mod strains;
 mod tractions;
 mod turned;
+mod turned_sides;
 mod uniqueness;
 mod worst;
 

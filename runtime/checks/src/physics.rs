@@ -1,19 +1,21 @@
 //! Conditions that a solution satisfies for every method: equilibrium, no penetration, no slip of sticking points.
 //!
 //! Promises: numbers relative to what is there (forces to forces, lengths to the largest displacement of the bodies that
-//! meet), found from terms and prescribed values alone. Does not judge the mesh.
+//! meet, beside a motion that they have in common), found from terms and prescribed values alone. Does not judge the mesh.
 
 use wfl_compiler::{
     Class,
-    types::{FieldKind, RateForm, Side, UniformSlot},
+    types::{FieldKind, RateForm, UniformSlot},
 };
 
 use super::{
     Solved,
+    common_motion::beside_common,
     moments::{Moments, moments},
     multiplier_law::LawDefect,
+    turned_sides::turned_sum,
 };
-use wfl_contact::{Alternation, ContactGaps, Look, Moved, PressedFaces, contact_gaps};
+use wfl_contact::{Alternation, ContactGaps, Look, Moved, PressedFaces, Ways, contact_gaps, is_between};
 use wfl_discrete::assemble::{AssembledTerm, TermError};
 use wfl_discrete::field::FieldSpace;
 use wfl_discrete::finite::{largest, position as position_of, short};
@@ -26,7 +28,8 @@ const BALANCE: f64 = 1e-6;
 /// Forces out of balance by more than this part of them are reported for every tolerance: they have fewer than three correct digits,
 /// the limit of W605.
 const LARGEST_BALANCE: f64 = 1e-3;
-/// Overlap, or sliding at points that stick, in parts of the largest displacement: beyond it the law is no longer one
+/// Overlap, or sliding at points that stick, in parts of the largest displacement (between two bodies, of what they do beside a
+/// motion that they have in common): beyond it the law is no longer one
 /// of contact but of springs as soft as the bodies. A penalty of E/h leaves a tenth of the displacement of a body
 /// pressed by one cell's thickness, and less otherwise.
 const OVERLAP: f64 = 0.2;
@@ -75,7 +78,7 @@ pub struct PhysicsCheck {
     pub limit: f64,
     /// The numbers behind it, in words.
     pub detail: String,
-    /// Of a body with inertia the largest displacement (length) that `value` is a part of: a motion that begins has hardly any
+    /// Of a body with inertia the displacement (length) that `value` is a part of: a motion that begins has hardly any
     /// when it meets the first wall, and the largest one of the run is what the length is compared with
     /// ([`Self::beside`]).
     pub displacement: Option<f64>,
@@ -336,13 +339,7 @@ fn dofs<'a>(system: &'a System, group: &'a [usize]) -> impl Iterator<Item = usiz
 fn action_and_reaction(system: &System, u: &[f64]) -> Vec<PhysicsCheck> {
     let displacements: Vec<usize> = displacement_groups(system).concat();
     let both = |k: usize| {
-        let law = &system.terms[k].law;
-        let slots = || law.tests.iter().chain(&law.trials);
-        let sides = |side| slots().filter(|t| t.side == side).map(|t| t.field.index()).collect::<Vec<_>>();
-        let (here, there) = (sides(Side::Here), sides(Side::There));
-        let moves = |k: &usize| displacements.contains(k);
-        let pairs = here.iter().any(moves) && there.iter().any(moves);
-        pairs && system.terms[k].law.class > Class::Constant
+        is_between(system, k, |field| displacements.contains(&field)) && system.terms[k].law.class > Class::Constant
     };
     let terms: Vec<usize> = (0..system.terms.len()).filter(|k| both(*k)).collect();
     terms.into_iter().filter_map(|k| balance_of_term(system, k, u)).collect()
@@ -378,6 +375,11 @@ fn balance_of_term(system: &System, term: usize, u: &[f64]) -> Option<PhysicsChe
         }
     }
     if share(sum, size) > BALANCE {
+        // of the ends of a sector one is the other turned, and so are the forces
+        let moves = |field: usize| displacement_groups(system).iter().any(|group| group.contains(&field));
+        sum = turned_sum(system, term, u, moves).map_or(sum, |turned| sum.min(turned));
+    }
+    if share(sum, size) > BALANCE {
         // a motion that is no rigid one: of both sides together the forces are the stiffness times the motion
         let (_, cancels) = summed(system, &at(&scrambled(system, u))?, None, every);
         if sum <= ROUNDED * cancels {
@@ -405,6 +407,9 @@ fn rigid_translations(system: &System, u: &[f64]) -> [bool; 3] {
     };
     let terms: Vec<&AssembledTerm> = system.terms.iter().filter(counts).collect();
     let (dim, size) = (system.mesh.dim(), MOVED * system.extent());
+    // differences of displacements that are carried far away are rounded
+    let far = largest(displacements.iter().filter_map(|f| system.range(*f)).flat_map(|range| u[range].iter().copied()));
+    let nothing = RIGID + ROUNDED * system.team().largest(far) / size;
     let response = |moved: &dyn Fn(usize, usize) -> f64| -> Option<f64> {
         let mut end = u.to_vec();
         for range in displacements.iter().filter_map(|f| system.range(*f)) {
@@ -421,7 +426,7 @@ fn rigid_translations(system: &System, u: &[f64]) -> [bool; 3] {
     let strained = response(&|_, d| signs[d]);
     [0, 1, 2].map(|direction| {
         let moved = response(&|component, _| f64::from(u8::from(component == direction)));
-        direction >= dim || moved.zip(strained).is_none_or(|(moved, strained)| moved <= RIGID * strained)
+        direction >= dim || moved.zip(strained).is_none_or(|(moved, strained)| moved <= nothing * strained)
     })
 }
 
@@ -460,13 +465,17 @@ pub fn conditions(state: Solved<'_>, left: f64) -> Conditions {
     (0..by_body.len())
         .filter(|body| !displacements.contains(&system.field_of_body(*body)))
         .for_each(|body| by_body[body] = 0.0);
-    let moved = Moved { by_body: &by_body, least: UNMOVED * system.extent() };
-    let has_moved = by_body.iter().any(|size| *size > moved.least);
+    let least = UNMOVED * system.extent();
+    let has_moved = by_body.iter().any(|size| *size > least);
     let mut found = Conditions::default();
     if has_moved {
-        found = of_contact(state, moved, Look::Quick);
+        let beside = beside_common(state, &by_body, [true; 3]);
+        found = of_contact(state, Moved { by_body: &by_body, beside: &beside, least }, Look::Quick);
         if !found.narrow.is_empty() || !found.checks.iter().all(PhysicsCheck::holds) {
-            found = of_contact(state, moved, Look::Careful);
+            // a motion of all that strains bodies, as one away from an axis of revolution, is none that they only have in common
+            let rigid = if beside == by_body { [true; 3] } else { rigid_translations(system, state.u) };
+            let beside = beside_common(state, &by_body, rigid);
+            found = of_contact(state, Moved { by_body: &by_body, beside: &beside, least }, Look::Careful);
         }
     }
     if displacements.is_empty() || has_moved {
@@ -482,12 +491,12 @@ fn of_contact(state: Solved<'_>, moved: Moved<'_>, look: Look) -> Conditions {
     let mut found = Conditions::default();
     let rates = state.system.rates().into_iter().flat_map(Rates::fields);
     let moves = rates.into_iter().any(|of| of.form == RateForm::Second);
-    for (term, largest, gaps) in contact_gaps(state.system, state.contact, state.u, moved, look) {
+    for (term, ways, gaps) in contact_gaps(state.system, state.contact, state.u, moved, look) {
         if gaps.pressed.are_too_large() {
             found.narrow.push(NarrowZone { term: term.to_owned(), faces: gaps.pressed });
         }
         found.zigzags.extend(gaps.alternates.map(|size| Zigzag { term: term.to_owned(), size }));
-        lengths(&mut found.checks, term, &gaps, Lengths { largest, moves });
+        lengths(&mut found.checks, term, &gaps, Lengths { ways, moves });
         shares(&mut found.checks, term, &gaps);
     }
     found
@@ -496,15 +505,17 @@ fn of_contact(state: Solved<'_>, moved: Moved<'_>, look: Look) -> Conditions {
 /// What lengths are compared with.
 #[derive(Clone, Copy)]
 struct Lengths {
-    /// The largest displacement of the bodies of the term (length).
-    largest: f64,
+    /// How far the bodies of the term have moved (lengths).
+    ways: Ways,
     /// The scene has second rates.
     moves: bool,
 }
 
 /// Lengths that should be zero, in parts of the largest displacement of the bodies of the term.
 fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, compared: Lengths) {
-    let Lengths { largest, moves } = compared;
+    let Lengths { ways, moves } = compared;
+    let largest = ways.compared;
+    let common = if largest < ways.largest { " beside the motion that the bodies have in common" } else { "" };
     let displacement = moves.then_some(largest);
     let [overlaps, slips] = gaps.strained;
     let mut add = |what: &str, length: f64, strained: f64, detail: String| {
@@ -526,14 +537,17 @@ fn lengths(out: &mut Vec<PhysicsCheck>, term: &str, gaps: &ContactGaps, compared
         "penetration at",
         gaps.penetration,
         overlaps,
-        format!("the sides overlap by {:.3e}; the largest displacement is {largest:.3e}", gaps.penetration),
+        format!("the sides overlap by {:.3e}; the largest displacement{common} is {largest:.3e}", gaps.penetration),
     );
     if gaps.drift.max(slips) > 0.0 {
         add(
             "slip of sticking points at",
             gaps.drift,
             slips,
-            format!("sticking points have slipped by {:.3e}; the largest displacement is {largest:.3e}", gaps.drift),
+            format!(
+                "sticking points have slipped by {:.3e}; the largest displacement{common} is {largest:.3e}",
+                gaps.drift
+            ),
         );
     }
 }

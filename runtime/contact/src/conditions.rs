@@ -12,7 +12,7 @@ use std::{cell::OnceCell, collections::BTreeMap};
 use wfl_compiler::{
     Projection, ProjectionKind, interpret_lanes,
     ir::LANES,
-    types::{BasisSlot, FieldKind, FieldOp, InputSlot},
+    types::{BasisSlot, FieldKind, FieldOp, InputSlot, Side},
 };
 
 mod work;
@@ -104,7 +104,7 @@ const BETWEEN: f64 = 0.1;
 /// Roundoff of a difference of displacements and of the stresses beside it, in parts of the largest displacement: some
 /// tens of operations, each rounded.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
-/// Overlap, or sliding of points that stick, beyond this part of the largest displacement may be that of an elastic joint:
+/// Overlap, or sliding of points that stick, beyond this part of the largest displacement (beside a common motion) may be that of an elastic joint:
 /// what is below is told in any case, and what is looked at twice costs another evaluation of the law.
 const STRAINED: f64 = 0.1;
 
@@ -256,28 +256,53 @@ impl<I: Iterator<Item = usize>> FaceCount<I> {
 pub struct Moved<'a> {
     /// By body its largest displacement, with those that it meets, on any rank; zero for what is no displacement.
     pub by_body: &'a [f64],
+    /// The same beside a motion that all of them have in common.
+    pub beside: &'a [f64],
     /// What is no more than rounding of positions.
     pub least: f64,
 }
 
+/// How far the bodies of a term have moved (lengths).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ways {
+    /// The largest displacement.
+    pub largest: f64,
+    /// What overlap and sliding are compared with: of a law between two bodies what these do beside a motion that they have in
+    /// common, else the largest displacement.
+    pub compared: f64,
+}
+
 impl Moved<'_> {
-    /// The largest displacement of the bodies that a term acts on, on any rank; none where that is rounding.
-    fn of_term(&self, system: &System, term: usize) -> Option<f64> {
+    /// How far the bodies that a term acts on have moved, on any rank; none where that is rounding.
+    fn of_term(&self, system: &System, term: usize) -> Option<Ways> {
+        let is_vector = |field: usize| system.fields[field].n_components == system.mesh.dim();
+        let between = is_between(system, term, |field| is_vector(field) && system.range(field).is_some());
         let term = &system.terms[term];
-        // where each field is one body, nobody has to look at dofs
-        let most = if self.by_body.len() == system.fields.len() {
-            largest(term.coupled_fields().map(|field| self.by_body[field.index()]))
-        } else {
-            system
-                .team()
-                .largest(largest(term.dofs().into_iter().map(|dof| self.by_body[system.body_of(dof as usize)])))
+        let most = |by_body: &[f64]| {
+            // where each field is one body, nobody has to look at dofs
+            if by_body.len() == system.fields.len() {
+                return largest(term.coupled_fields().map(|field| by_body[field.index()]));
+            }
+            let own = term.dofs().into_iter().map(|dof| by_body[system.body_of(dof as usize)]);
+            system.team().largest(largest(own))
         };
-        (most > self.least).then_some(most)
+        let largest = most(self.by_body);
+        let compared = if between { most(self.beside) } else { largest };
+        (largest > self.least).then_some(Ways { largest, compared })
     }
 }
 
-/// What each contact law leaves of gaps and friction cones at `u`, with the name of its term and the largest displacement of
-/// its bodies; where they have not moved it is left out. A law that moves nothing itself is left out beside one that does, and
+/// True if a term reads and moves what `moves` says of fields on both of its sides: what a law between two bodies does.
+#[must_use]
+pub fn is_between(system: &System, term: usize, moves: impl Fn(usize) -> bool) -> bool {
+    let law = &system.terms[term].law;
+    let slots = || law.tests.iter().chain(&law.trials);
+    let has = |side: Side| slots().any(|t| t.side == side && moves(t.field.index()));
+    has(Side::Here) && has(Side::There)
+}
+
+/// What each contact law leaves of gaps and friction cones at `u`, with the name of its term and how far its
+/// bodies have moved; where they have not moved it is left out. A law that moves nothing itself is left out beside one that does, and
 /// so are laws on cells, and laws that push nothing ([`ContactTerm::pushes`]). Of a law whose images follow the bodies it is
 /// what their rays tell (`following.rs`).
 #[must_use]
@@ -287,7 +312,7 @@ pub fn contact_gaps<'a>(
     u: &[f64],
     moved: Moved<'_>,
     look: Look,
-) -> Vec<(&'a str, f64, ContactGaps)> {
+) -> Vec<(&'a str, Ways, ContactGaps)> {
     let values = system.values_with(u, contact.active_set());
     let some_act = contact.terms().iter().any(|term| term.acts_on_displacements(system));
     let counts = |t: &&ContactTerm| {
@@ -314,13 +339,13 @@ pub fn contact_gaps<'a>(
 }
 
 impl ContactTerm {
-    /// The violations at a state whose largest displacement is `moved`; `values` has the branches of the law as written.
-    fn gaps(&self, system: &System, values: FieldValues<'_>, moved: f64, careful: Option<&Careful>) -> ContactGaps {
+    /// The violations at a state at which the bodies have moved so far; `values` has the branches of the law as written.
+    fn gaps(&self, system: &System, values: FieldValues<'_>, ways: Ways, careful: Option<&Careful>) -> ContactGaps {
         let largest = self.stiffnesses(system, values);
         let fluxes = self.own_fluxes(system, values, careful);
         let motions = self.motions(system);
         let gap_motions = self.gap_motions(&motions);
-        let mut found = Violations { moved, ..Violations::default() };
+        let mut found = Violations { moved: ways.largest, ..Violations::default() };
         let mut faces = FaceCount::new(self.counted_faces());
         let (mut point, mut pressures) = (0, Vec::new());
         let mut lengths = vec![[0.0; 2]; fluxes.len()];
@@ -328,7 +353,7 @@ impl ContactTerm {
         let may_pull = careful.is_some() && !self.has_traction(&system.fields);
         let resists = OnceCell::new();
         let is_meant_to_pull = |point: usize| {
-            let by_point = || self.resists_closing(system, values, fluxes.len(), moved);
+            let by_point = || self.resists_closing(system, values, fluxes.len(), ways.compared);
             may_pull && resists.get_or_init(by_point)[point]
         };
         self.arguments(system, values, |full, gap, slopes| {
@@ -357,7 +382,7 @@ impl ContactTerm {
                     ProjectionKind::HalfLine if pulls && is_meant_to_pull(point - 1) => {}
                     ProjectionKind::HalfLine => {
                         pressure = pressure.max(if p.n == 1 { at.x[0] } else { 0.0 });
-                        presses |= p.n == 1 && at.x[0] > STILL * moved * slope;
+                        presses |= p.n == 1 && at.x[0] > STILL * ways.largest * slope;
                         found.add_normal(&at);
                     }
                     ProjectionKind::Ball => {
@@ -368,9 +393,9 @@ impl ContactTerm {
             faces.add_point(presses);
             lengths[point - 1] = found.take_lengths();
         });
-        let is_doubtful = |[overlap, slip]: &[f64; 2]| careful.is_some() && overlap.max(*slip) > STRAINED * moved;
+        let is_doubtful = |[a, b]: &[f64; 2]| careful.is_some() && a.max(*b) > STRAINED * ways.compared;
         let doubtful: Vec<bool> = lengths.iter().map(is_doubtful).collect();
-        let scales = [moved, careful.map_or(0.0, |careful| careful.initial)];
+        let scales = [ways.compared, careful.map_or(0.0, |careful| careful.initial)];
         found.add_lengths(&lengths, &self.elastic_joint(system, values, &doubtful, scales));
         let turns = careful.is_some_and(|careful| careful.turns.contains(&true));
         ContactGaps { turns: system.team().any(turns), ..self.of_all_ranks(system, found, faces.pressed, &pressures) }

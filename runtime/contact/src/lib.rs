@@ -48,7 +48,7 @@ use active_set::Near;
 pub use alternation::Alternation;
 pub use breakpoints::{Breakpoints, Ray};
 pub use coercivity::{Coercivity, coercivity, is_consistent};
-pub use conditions::{ContactGaps, Look, Moved, PressedFaces, contact_gaps};
+pub use conditions::{ContactGaps, Look, Moved, PressedFaces, Ways, contact_gaps, is_between};
 pub use coupling::{Friction, couplings, has_multiplier};
 pub use creep::Creep;
 pub use friction_work::{FrictionMemory, FrictionStep, FrictionWork, NextStates};

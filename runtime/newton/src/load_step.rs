@@ -17,7 +17,7 @@ use wfl_sparse::solve::{SolveError, SolveReport};
 
 /// The rounding floor in units of roundoff times |K||u|: each entry of a residual is rounded about so often, and errors of
 /// different signs cancel in part.
-const FLOOR_FACTOR: f64 = 4.0;
+pub(super) const FLOOR_FACTOR: f64 = 4.0;
 
 /// What a linear solve may leave, relative to the residual at hand: no more than a full step has to gain at least.
 pub(super) const LARGEST_FORCING: f64 = 1e-4;

@@ -7,11 +7,11 @@
 //! the size of the corrections in place of the residual).
 //!
 //! Promises: the state whose correction was the smallest, and the size of that correction in the history. Does not
-//! refine where the tolerance was reached.
+//! refine where the tolerance was reached, unless by a residual of zero whose rounding is more than that.
 
 use super::{
     LoadStep, Method, NewtonError, StepHistory,
-    load_step::{Done, Measured, Norm},
+    load_step::{Done, FLOOR_FACTOR, Measured, Norm},
 };
 use wfl_discrete::finite::largest;
 use wfl_discrete::system::LinearTerms;
@@ -30,6 +30,18 @@ const LEFT_OF_FIRST: f64 = 1e-3;
 
 /// True if the residual at `u`, measured as `here`, is the rounding of the matrix of the linear terms.
 pub(super) fn helps(step: &LoadStep<'_>, u: &[f64], here: &Measured) -> bool {
+    largest_size(step, u, here).is_some_and(|[_, is_linear]| is_linear > 0.5)
+}
+
+/// True if a residual at `u` that is zero to the last bit says nothing: what rounds in it is more than the tolerance, and so few numbers
+/// may cancel by accident.
+pub(super) fn hides(step: &LoadStep<'_>, u: &[f64], here: &Measured) -> bool {
+    let rounds = |size: f64| FLOOR_FACTOR * f64::EPSILON * size;
+    largest_size(step, u, here).is_some_and(|[size, _]| rounds(size) > step.options.tolerance)
+}
+
+/// The largest of what cancels in the forces at `u`, relative to them, and one where more than half of it is that of linear terms.
+fn largest_size(step: &LoadStep<'_>, u: &[f64], here: &Measured) -> Option<[f64; 2]> {
     let system = step.system;
     let all = system.sizes(u, &here.written, step.tangent);
     let (linear, scales) = (&here.written.linear_sizes, system.scales(&here.written, &all));
@@ -40,7 +52,7 @@ pub(super) fn helps(step: &LoadStep<'_>, u: &[f64], here: &Measured) -> bool {
     // of each rank, then of all
     let own = of_largest(&mut sizes.into_iter());
     let all = system.team().all_numbers(own.as_ref().map_or(&[], |own| own.as_slice()));
-    of_largest(&mut all.as_chunks().0.iter().copied()).is_some_and(|[_, is_linear]| is_linear > 0.5)
+    of_largest(&mut all.as_chunks().0.iter().copied())
 }
 
 /// Refines `u`; a state that cannot be improved stays as it is.

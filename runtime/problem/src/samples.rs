@@ -35,6 +35,9 @@ pub struct Samples {
     /// All is what rounding leaves of zero.
     #[serde(default)]
     pub vanishes: bool,
+    /// By component a constant beside which a norm is taken; empty where that is zero.
+    #[serde(default)]
+    pub constant: Vec<f64>,
     /// Entries of the value.
     pub components: usize,
     /// Positions, in the unit of the mesh.

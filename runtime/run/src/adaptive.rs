@@ -152,7 +152,7 @@ impl Adaptive {
         }
         let solution = joined(&end, stepper.next_states.iter().map(Vec::as_slice));
         let estimate = self.estimate(stepper, scene, increment, &history, [&solution, u]);
-        let (mut errors, excused) = estimate.map(|e| (e.errors, e.excused)).unzip();
+        let (mut errors, of_fields) = estimate.map(|e| (e.errors, [e.excused, e.missed])).unzip();
         if let Some((errors, unknowns)) = errors.as_mut().zip(lag(stepper, scene, u)) {
             let left = scene.scene.steps.last() - scene.system.step().end;
             errors.count(self.of_lag(scene, rules, &solution, &Lag { unknowns, increment, left }), OF_LAG);
@@ -176,7 +176,8 @@ impl Adaptive {
             }
             _ => {
                 self.control.accept(increment, errors, matrix);
-                self.uncertainty.taken(held, &excused.unwrap_or_default());
+                let [excused, missed] = of_fields.unwrap_or_default();
+                self.uncertainty.taken(held, &excused, &missed);
                 self.leave(scene, &history);
                 self.gained = behind.map(|(gained, _)| gained);
                 Tried::Accepted(history, too_large.map(|e| e.largest()))

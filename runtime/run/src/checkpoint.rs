@@ -43,7 +43,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 28;
+const FORMAT: u64 = 29;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -438,6 +438,7 @@ fn adaptive(w: &mut Writer, a: Option<&Adaptive>) {
     w.count(a.uncertainty.held);
     w.flag(a.uncertainty.explains);
     w.numbers(&a.uncertainty.excused);
+    w.numbers(&a.uncertainty.missed);
     w.numbers(&a.past.increments);
     w.count(a.past.solutions.len());
     a.past.solutions.iter().for_each(|s| w.numbers(s));
@@ -454,7 +455,8 @@ fn read_adaptive(r: &mut Reader<'_>) -> Result<Option<Adaptive>, Unreadable> {
     let (start, solved, course) = (r.numbers()?, r.numbers()?, r.numbers()?);
     let changes = [r.numbers()?, r.numbers()?, r.numbers()?];
     let left = r.numbers()?;
-    let uncertainty = Uncertainty { sizes: r.numbers()?, held: r.count()?, explains: r.flag()?, excused: r.numbers()? };
+    let (sizes, held, explains) = (r.numbers()?, r.count()?, r.flag()?);
+    let uncertainty = Uncertainty { sizes, held, explains, excused: r.numbers()?, missed: r.numbers()? };
     let past = Past { increments: r.numbers()?, solutions: r.list(Reader::numbers)? };
     let balance = read_balance(r)?;
     let [largest] = *r.numbers()?.as_slice() else { return Err(Unreadable) };

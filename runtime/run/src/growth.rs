@@ -3,7 +3,8 @@
 //!
 //! Under given loads a stable body grows like a power of time at most. So the size of each field is compared at the end of the
 //! run, at three quarters and at half of its time: what grows like t^k grows by 2^k in the second half, and what grows
-//! exponentially by the same factor in both quarters of it. What is given (loads, prescribed values) may grow by as much. Known
+//! exponentially by the same factor in both quarters of it. A constant that stands in the values hides nothing: what a field is beside
+//! its value nearest to zero is looked at as well. What is given (loads, prescribed values) may grow by as much. Known
 //! are single numbers of each step; nothing is evaluated but loads that follow the steps.
 
 use wfl::{Code, Diagnostic};
@@ -23,6 +24,9 @@ const NONLINEAR: f64 = 1e6;
 /// The fewest steps in which growth can be told from a beginning.
 const FEWEST: usize = 4;
 
+/// What a field is beside its value nearest to zero is rounding below this part of its values: solutions keep ten digits at least.
+const ROUNDED: f64 = 1e-9;
+
 /// What growth is looked for with.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Growth {
@@ -33,7 +37,7 @@ pub(super) struct Growth {
 /// The sizes of fields at the end of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Sizes {
-    /// By unknown that is watched its largest value.
+    /// By unknown that is watched its largest value; and then by unknown the largest one beside the value nearest to zero of its component.
     pub(crate) fields: Vec<f64>,
     /// The largest load, and the largest prescribed value.
     pub(crate) given: [f64; 2],
@@ -44,7 +48,9 @@ impl Growth {
     pub(super) fn sizes(&mut self, scene: &Solving<'_>, u: &[f64]) -> Sizes {
         let system = &scene.system;
         let of_field = |k: usize| system.range(k).map_or(0.0, |range| largest(u[range].iter().copied()));
-        let mut fields: Vec<f64> = watched(system).into_iter().map(of_field).collect();
+        let watched = watched(system);
+        let mut fields: Vec<f64> = watched.iter().map(|k| of_field(*k)).collect();
+        fields.extend(watched.into_iter().map(|k| beside_constant(system, u, k)));
         let mut given = [self.loads(system), system.numbering.largest_prescribed(u)];
         system.team().max(&mut fields);
         system.team().max(&mut given);
@@ -91,16 +97,21 @@ pub(super) fn told(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
     let most = |to: usize, of: &dyn Fn(&Sizes) -> f64| steps[..=to].iter().map(|s| of(s.1)).fold(0.0, f64::max);
     let end = steps.len() - 1;
     let given = (0..2).map(|k| grown(most(end, &|s| s.given[k]), most(half, &|s| s.given[k]))).fold(1.0, f64::max);
-    watched(system).into_iter().enumerate().find_map(|(k, field)| {
+    let watched = watched(system);
+    let both = watched.iter().chain(&watched).copied().enumerate();
+    both.into_iter().find_map(|(k, field)| {
         let of = |at: usize| most(at, &|s| s.fields[k]);
         let (second, third, fourth) = (of(half), grown(of(three), of(half)), grown(of(end), of(three)));
         let whole = third * fourth;
         let steady = third.min(fourth) > whole.powf(0.25);
-        let grows = second > 0.0 && whole > limit * given && steady;
+        let of_values = most(half, &|s| s.fields[k % watched.len()]);
+        let begins = if k < watched.len() { second > 0.0 } else { second > ROUNDED * of_values };
+        let grows = begins && whole > limit * given && steady;
         grows.then(|| {
             let text = format!(
-                "its largest value is {:.3e} at t = {}, {:.3e} at t = {}, {:.3e} at t = {}, while loads and prescribed \
+                "its largest value{} is {:.3e} at t = {}, {:.3e} at t = {}, {:.3e} at t = {}, while loads and prescribed \
                  values grow by a factor {given:.1e} at most",
+                if k < watched.len() { "" } else { ", beside the one nearest to zero," },
                 second,
                 steps[half].0,
                 of(three),
@@ -117,6 +128,22 @@ pub(super) fn told(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
                 )
         })
     })
+}
+
+/// The largest value of a field beside that of its component nearest to zero, on all ranks.
+fn beside_constant(system: &System, u: &[f64], field: usize) -> f64 {
+    let (Some(range), n) = (system.range(field), system.fields[field].n_components) else { return 0.0 };
+    let mut ends = vec![[f64::INFINITY, f64::NEG_INFINITY]; n];
+    for (i, x) in u[range].iter().enumerate() {
+        let [low, high] = &mut ends[i % n];
+        (*low, *high) = (low.min(*x), high.max(*x));
+    }
+    let beside = ends.into_iter().map(|[low, high]| {
+        let [low, high] = system.team().range(low, high);
+        let constant = if low > 0.0 { low } else { high.min(0.0) };
+        (high - constant).max(constant - low)
+    });
+    largest(beside)
 }
 
 /// A growth; of what was nothing, one without bound.

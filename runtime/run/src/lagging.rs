@@ -23,8 +23,11 @@ use super::stepping::Stepper;
 /// compressed would open, and say nothing of how far the unknowns are behind.
 const MOVED: f64 = 1.0 / 134_217_728.0;
 /// Forces that change by less with the whole change of the states, in parts of the largest force of the terms that read them, change
-/// by the rounding of a return mapping, which is `f64::EPSILON` over [`MOVED`] of what cancels in it.
+/// by the rounding of a return mapping, which is `f64::EPSILON` over [`MOVED`] of what cancels in it: they are looked at again.
 const NOTHING: f64 = 1e-6;
+/// The same of forces that the whole change of the states changes by less than [`NOTHING`], so that no contact opens on the way: all of it
+/// is tried, and what is rounded is a million times smaller than this part.
+const NOTHING_AT_ALL: f64 = 1e-9;
 
 /// By dof what the new states of a step that was solved at `u` would change of the unknowns; `None` where that is nothing or cannot be
 /// found.
@@ -34,19 +37,29 @@ pub(super) fn lag(stepper: &mut Stepper, scene: &mut Solving<'_>, u: &[f64]) -> 
         return None;
     }
     let before = forces(scene.system, &terms, u).ok()?;
-    let moved = |now: &[f64], next: &[f64]| now.iter().zip(next).map(|(a, b)| a + MOVED * (b - a)).collect::<Vec<_>>();
-    let states = scene.scene.states.iter().zip(&stepper.next_states);
-    let changed: Vec<(usize, Vec<f64>)> =
-        states.map(|(state, next)| (state.field, moved(&scene.system.data()[state.field], next))).collect();
-    let behind = scene.system.with_data(&changed, |system| forces(system, &terms, u)).ok()?;
-    let system = &scene.system;
-    let largest = |forces: &[f64]| system.team().largest(forces.iter().fold(0.0f64, |most, f| most.max(f.abs())));
-    let differs: Vec<f64> = before.iter().zip(&behind).map(|(a, b)| (a - b) / MOVED).collect();
-    // a force that is no number has no size either
-    if largest(&differs) <= NOTHING * largest(&before) {
-        return None;
+    let next = &stepper.next_states;
+    let mut differs_behind = |part: f64| -> Option<(Vec<f64>, f64)> {
+        let moved = |now: &[f64], next: &[f64]| now.iter().zip(next).map(|(a, b)| a + part * (b - a)).collect();
+        let states = scene.scene.states.iter().zip(next);
+        let changed: Vec<(usize, Vec<f64>)> =
+            states.map(|(state, next)| (state.field, moved(&scene.system.data()[state.field], next))).collect();
+        let behind = scene.system.with_data(&changed, |system| forces(system, &terms, u)).ok()?;
+        let team = scene.system.team();
+        let largest = |forces: &[f64]| team.largest(forces.iter().fold(0.0f64, |most, f| most.max(f.abs())));
+        let differs: Vec<f64> = before.iter().zip(&behind).map(|(a, b)| (a - b) / part).collect();
+        let share = largest(&differs) / largest(&before);
+        Some((differs, share))
+    };
+    // a force that is no number has no size either; of no force nothing is a part
+    let (mut differs, share) = differs_behind(MOVED)?;
+    if share <= NOTHING || share.is_nan() {
+        let (of_all, share) = differs_behind(1.0)?;
+        if !(NOTHING_AT_ALL..=NOTHING).contains(&share) {
+            return None;
+        }
+        differs = of_all;
     }
-    solution(stepper, system, u, differs)
+    solution(stepper, scene.system, u, differs)
 }
 
 /// What forces change of the unknowns at `u`, by dof.

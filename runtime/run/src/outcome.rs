@@ -221,6 +221,22 @@ impl Run {
         Some(d.help("start it at rest, with all that moves beside it, or a smaller `error`"))
     }
 
+    /// W618 for fields without inertia that drift so fast that the demanded part of it is much of what else happens to them.
+    pub(super) fn in_drift(&self, scene: &Solving<'_>) -> Option<Diagnostic> {
+        let (rules, adaptive) = scene.steps.auto.as_ref().zip(self.integrators.adaptive.as_ref())?;
+        let found = adaptive.in_drift(scene, rules)?;
+        let name = &scene.system.fields[found.field].name;
+        let text = format!(
+            "the demanded error of {:e} is one of the drift of `{name}`: a step has missed about {:.0e} of what happens beside it",
+            rules.error, found.part
+        );
+        let d = Diagnostic::new(Code::W618, text).at_or_note(
+            scene.place_of_field(name),
+            "nearly all of its change is the same everywhere and goes on as it began",
+        );
+        Some(d.help("solve for the difference from the drift, or demand a smaller `error`"))
+    }
+
     /// W619 for states behind which `limit` was no positive number.
     pub(super) fn unlimited(&self, scene: &Scene) -> Option<Diagnostic> {
         let rules = scene.steps.auto.as_ref().filter(|rules| rules.limit.is_some())?;

@@ -7,7 +7,10 @@
 use std::ops::Range;
 
 use wfl_compiler::types::RateForm;
-use wfl_discrete::rates::{MOST_ORDER, Rates, Scheme};
+use wfl_discrete::{
+    rates::{MOST_ORDER, Rates, Scheme},
+    system::System,
+};
 use wfl_host::team::Team;
 use wfl_newton::{DEFAULT_TOLERANCE, StepHistory};
 use wfl_problem::{Auto, Scene, Solving};
@@ -32,6 +35,10 @@ const NO_MORE: f64 = DEFAULT_TOLERANCE;
 /// The largest error of a step, as a part of what happens beside a uniform flight, that is not told: results of one step of it have two digits.
 const SEEN: f64 = 1e-2;
 
+/// What happens beside a drift is at most this part of the change of a field that nearly all is drift: beside more of it, an error that is
+/// demanded of the change is one of both.
+const DRIFTS: f64 = 0.1;
+
 /// An error, in units of the demanded one, that holds the next increment below twice this one: 0.9/sqrt(0.2) is 2.
 const HOLDS: f64 = 0.2;
 /// After so many steps in a row whose errors hold the increments it is asked whether these are errors: that takes about as long as
@@ -49,13 +56,16 @@ pub(super) struct Uncertainty {
     pub(super) explains: bool,
     /// By field the largest that was taken for no error in any step.
     pub(super) excused: Vec<f64>,
+    /// By field the largest error of any step (of its values).
+    pub(super) missed: Vec<f64>,
 }
 
-/// The errors of a step, and by field that counts what would be one, if rounding and the tolerance of Newton's method could not have
-/// made it.
+/// The errors of a step, by field that counts what would be one, if rounding and the tolerance of Newton's method could not have
+/// made it, and what is one (of its values).
 pub(super) struct Estimate {
     pub(super) errors: Errors,
     pub(super) excused: Vec<f64>,
+    pub(super) missed: Vec<f64>,
 }
 
 /// What the unknowns of a step are behind its states.
@@ -80,10 +90,12 @@ impl Uncertainty {
         error > 1.0 || error > HOLDS && (self.explains || self.held >= PATIENCE)
     }
 
-    /// A step with this error was taken, of which by field so much was none.
-    pub(super) fn taken(&mut self, error: f64, excused: &[f64]) {
-        self.excused.resize(excused.len().max(self.excused.len()), 0.0);
-        self.excused.iter_mut().zip(excused).for_each(|(most, now)| *most = most.max(*now));
+    /// A step with this error was taken, of which by field so much was none, and so much missed.
+    pub(super) fn taken(&mut self, error: f64, excused: &[f64], missed: &[f64]) {
+        for (all, now) in [(&mut self.excused, excused), (&mut self.missed, missed)] {
+            all.resize(now.len().max(all.len()), 0.0);
+            all.iter_mut().zip(now).for_each(|(most, now)| *most = most.max(*now));
+        }
         self.held = match error > HOLDS && self.held < PATIENCE {
             true => self.held + 1,
             false => 0,
@@ -100,7 +112,8 @@ pub(super) struct Adaptive {
     /// The solution with which the run started, as those in `past`, and the first that was solved; empty before there is one.
     pub(super) start: Vec<f64>,
     pub(super) solved: Vec<f64>,
-    /// By dof the velocity of the uniform motion with which the run started; empty without inertia.
+    /// By dof the velocity of the uniform motion with which the run started: of what has inertia the first one, of other unknowns that
+    /// of the first step; zero for states.
     pub(super) course: Vec<f64>,
     /// By field of the scene its largest change since the start, at any value of the step variable; the same beside the uniform motion; and
     /// that since the first step.
@@ -133,8 +146,8 @@ impl Adaptive {
         self.control.turn(rules);
         self.past = Past::default();
         self.left.clear();
-        self.uncertainty =
-            Uncertainty { excused: std::mem::take(&mut self.uncertainty.excused), ..Uncertainty::default() };
+        let Uncertainty { excused, missed, .. } = std::mem::take(&mut self.uncertainty);
+        self.uncertainty = Uncertainty { excused, missed, ..Uncertainty::default() };
     }
 
     /// Takes a solution at the end of an increment.
@@ -152,8 +165,25 @@ impl Adaptive {
         if self.solved.is_empty() {
             self.solved.clone_from(&solution);
         }
+        let elapsed = scene.system.step().end - scene.steps.first();
+        if elapsed > 0.0 && self.changes[0].iter().all(|change| *change == 0.0) {
+            self.drift(scene, elapsed, &solution);
+        }
         self.changes = self.changes_until(scene, &solution);
         self.past.add(increment, solution, most_order(scene) + 1);
+    }
+
+    /// Takes what the first step changes of the unknowns without inertia, in the middle of those of their field and component, for the beginning
+    /// of a drift.
+    fn drift(&mut self, scene: &Solving<'_>, elapsed: f64, solution: &[f64]) {
+        let system = &scene.system;
+        let fields: Vec<usize> = (0..system.fields.len()).filter(|k| !has_inertia(scene, *k)).collect();
+        for (field, range) in fields.into_iter().filter_map(|k| Some((k, system.range(k)?))) {
+            let rates = range.map(|dof| (dof, (solution[dof] - self.start[dof]) / elapsed));
+            for (dof, rate) in in_the_middle(system, field, rates.collect()) {
+                self.course[dof] = rate;
+            }
+        }
     }
 
     /// The same with the rows of all ranks, made by all together.
@@ -214,7 +244,8 @@ impl Adaptive {
         let rates = scene.system.rates();
         let all_changes = self.changes_of_alike(scene, solution);
         let sizes = self.sizes(scene, rules, solution);
-        let (mut errors, mut excused) = (Errors::default(), vec![0.0f64; rules.fields.len()]);
+        let [mut excused, mut all_missed] = [(); 2].map(|()| vec![0.0f64; rules.fields.len()]);
+        let mut errors = Errors::default();
         for (k, field) in rules.fields.iter().enumerate() {
             let (range, change) = (range(scene, *field), all_changes[*field]);
             // values are rounded wherever they came from, and the extrapolation is made of them
@@ -233,6 +264,7 @@ impl Adaptive {
                 // a field that has not left its rounding yet has no error that could be seen
                 let is_excused = missed <= rounded && change > of_values;
                 excused[k] = if is_excused { excused[k].max(share * missed) } else { excused[k] };
+                all_missed[k] = if missed > rounded { all_missed[k].max(share * missed) } else { all_missed[k] };
             };
             let order = rates.and_then(|rates| rates.order(*field)).filter(|order| *order <= expected.len());
             if let (Some(order), Some(rates)) = (order, rates) {
@@ -252,7 +284,7 @@ impl Adaptive {
                 excuse(order, method);
             }
         }
-        Some(Estimate { errors, excused })
+        Some(Estimate { errors, excused, missed: all_missed })
     }
 
     /// The error of a solution whose unknowns lag behind its states by `lag`, by dof, relative to the demanded one: that of every
@@ -341,7 +373,23 @@ impl Adaptive {
             let is_noise = beside <= ROUNDED_MOTION * f64::EPSILON * all[*field];
             (part > SEEN && !is_noise).then_some(Unresolved { field: *field, part })
         };
-        rules.fields.iter().find_map(of)
+        rules.fields.iter().filter(|field| has_inertia(scene, **field)).find_map(of)
+    }
+
+    /// The first field without inertia that counts, nearly all of whose change is the drift with which it started, and of which a step has
+    /// missed more than [`SEEN`] of what is beside the drift, and that part.
+    pub(super) fn in_drift(&self, scene: &Solving<'_>, rules: &Auto) -> Option<Unresolved> {
+        let [_, beside, _] = &self.changes;
+        let (changes, beside) = (counted(scene, &self.changes), among_alike(scene, beside));
+        let of = |(field, missed): (&usize, &f64)| {
+            let (change, beside) = (*changes.get(*field)?, *beside.get(*field)?);
+            let is_noise = beside <= ROUNDED * (self.left_over() + f64::EPSILON) * change;
+            let part = missed / beside;
+            let is_drift = beside <= DRIFTS * change;
+            (is_drift && part > SEEN && !is_noise).then_some(Unresolved { field: *field, part })
+        };
+        let fields = rules.fields.iter().zip(&self.uncertainty.missed);
+        fields.filter(|(field, _)| !has_inertia(scene, **field)).find_map(of)
     }
 }
 
@@ -369,25 +417,41 @@ fn most_order(scene: &Solving<'_>) -> usize {
     })
 }
 
-/// By dof the velocity, that in the middle of those of its field and component, with which the run starts.
+/// By dof the velocity of what has inertia, that in the middle of those of its field and component, with which the run starts; zero for
+/// all else.
 fn course(scene: &Solving<'_>) -> Vec<f64> {
     let system = &scene.system;
-    let has_inertia = |rates: &&Rates| rates.fields().iter().any(|of| of.form == RateForm::Second);
-    let Some(rates) = system.rates().filter(has_inertia) else { return Vec::new() };
-    let mut course = vec![0.0; system.numbering.n_dofs];
-    for of in rates.fields().iter().filter(|of| of.form == RateForm::Second) {
-        let component = |dof: usize| system.numbering.describe(&system.fields, dof).2;
-        let mut ends = vec![f64::NEG_INFINITY; 2 * system.fields[of.field].n_components];
-        for (dof, rate) in of.dofs.clone().zip(&of.kept[0]) {
-            for (end, rate) in ends[2 * component(dof)..].iter_mut().zip([*rate, -rate]) {
-                *end = end.max(rate);
-            }
+    let of_states: usize = scene.states.iter().map(|s| system.data()[s.field].len()).sum();
+    let mut course = vec![0.0; system.numbering.n_dofs + of_states];
+    let rates = system.rates().into_iter().flat_map(Rates::fields);
+    for of in rates.filter(|of| of.form == RateForm::Second) {
+        let rates = of.dofs.clone().zip(of.kept[0].iter().copied()).collect();
+        for (dof, rate) in in_the_middle(system, of.field, rates) {
+            course[dof] = rate;
         }
-        system.team().max(&mut ends);
-        of.dofs.clone().for_each(|dof| course[dof] = 0.5 * (ends[2 * component(dof)] - ends[2 * component(dof) + 1]));
     }
-    course.resize(course.len() + scene.states.iter().map(|s| system.data()[s.field].len()).sum::<usize>(), 0.0);
     course
+}
+
+/// By dof of a field the rate in the middle of those of its component, on any rank.
+fn in_the_middle(system: &System, field: usize, rates: Vec<(usize, f64)>) -> Vec<(usize, f64)> {
+    let component = |dof: usize| system.numbering.describe(&system.fields, dof).2;
+    let mut ends = vec![[f64::INFINITY, f64::NEG_INFINITY]; system.fields[field].n_components];
+    for (dof, rate) in &rates {
+        let [low, high] = &mut ends[component(*dof)];
+        (*low, *high) = (low.min(*rate), high.max(*rate));
+    }
+    for ends in &mut ends {
+        *ends = system.team().range(ends[0], ends[1]);
+    }
+    let middle = |dof: usize| 0.5 * (ends[component(dof)][0] + ends[component(dof)][1]);
+    rates.into_iter().map(|(dof, _)| (dof, middle(dof))).collect()
+}
+
+/// True for an unknown with a second rate.
+fn has_inertia(scene: &Scene, field: usize) -> bool {
+    let mut rates = scene.system.rates().into_iter().flat_map(Rates::fields);
+    rates.any(|of| of.field == field && of.form == RateForm::Second)
 }
 
 /// By field the largest of those of its unit and size.
@@ -404,7 +468,11 @@ fn among_alike(scene: &Solving<'_>, own: &[f64]) -> Vec<f64> {
 /// one of contact, the flight itself is what happens, and what is beside it begins from zero with the contact.
 fn counted(scene: &Solving<'_>, [all, beside, _]: &[Vec<f64>; 3]) -> Vec<f64> {
     match scene.system.is_linear() {
-        true => all.iter().zip(beside).map(|(all, beside)| all.min(*beside)).collect(),
+        true => {
+            let of =
+                |(k, (all, beside)): (usize, (&f64, &f64))| if has_inertia(scene, k) { all.min(*beside) } else { *all };
+            all.iter().zip(beside).enumerate().map(of).collect()
+        }
         false => all.clone(),
     }
 }
@@ -427,8 +495,7 @@ fn range(scene: &Scene, field: usize) -> Range<usize> {
 
 /// The roundings of a value that a difference from an extrapolation of others may be.
 fn roundings(scene: &Scene, field: usize) -> f64 {
-    let has_inertia = |rates: &Rates| rates.fields().iter().any(|of| of.field == field && of.form == RateForm::Second);
-    if scene.system.rates().is_some_and(has_inertia) { ROUNDED_MOTION } else { ROUNDED }
+    if has_inertia(scene, field) { ROUNDED_MOTION } else { ROUNDED }
 }
 
 fn largest(values: &[f64]) -> f64 {

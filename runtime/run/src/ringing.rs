@@ -1,4 +1,5 @@
-//! Whether rates of fields without inertia change their sign from step to step: what a rule without damping keeps of a sudden load.
+//! Whether rates of fields without inertia change their sign from step to step: what a rule without damping keeps of a sudden load; and
+//! whether measures go up and down with every step, as reactions and accelerations of a motion that is right do.
 //!
 //! The trapezoidal rule and its like follow a rate from the change and the rate before, r = 2 (x - x_n)/h - r_n. Of what decays within a
 //! step nearly all is left, with the other sign. A motion in time that changes its sign in every step is no solution, however the steps are
@@ -9,7 +10,9 @@
 use wfl::{Code, Diagnostic};
 use wfl_compiler::types::RateForm;
 use wfl_discrete::system::System;
-use wfl_problem::Scene;
+use wfl_problem::{Measure, Scene};
+
+use super::{StepResult, ended::Ended};
 
 /// Steps in a row whose rates have the other sign: a motion that is resolved has several steps between two changes.
 const STEPS: usize = 4;
@@ -21,6 +24,12 @@ const KEPT: f64 = 0.6;
 const SEEN: f64 = 1e-4;
 /// A change in a step of less than so many roundings of the values is rounding.
 const ROUNDED: f64 = 16.0;
+
+/// Steps in a row with which a measure goes up and down: what contact makes it do ends sooner.
+const TURNS: usize = 8;
+/// The part of its largest value by which a measure goes up and down, to either side of what is between: one sees it in a plot, and has a digit
+/// less than steps of a hundredth of the motion give.
+const SEEN_OF_MEASURES: f64 = 1e-2;
 
 /// The rates of the last step, and what was found.
 #[derive(Clone, Debug, Default)]
@@ -88,4 +97,44 @@ pub(super) fn told(scene: &Scene, field: usize, time: f64) -> Diagnostic {
              flows are those of the oscillation",
         )
         .help("scheme bdf2 or backward_euler; or steps that begin much smaller")
+}
+
+/// W652 for the measures of a run that go up and down with every step.
+pub(super) fn measures_told(run: &Ended<'_>) -> Vec<Diagnostic> {
+    let Ended { scene, run, .. } = run;
+    let rates = scene.system.rates().filter(|rates| rates.scheme().keeps_errors_of_given());
+    let found = rates.and_then(|_| scene.measures.iter().find_map(|m| Some((m, alternates(m, &run.steps)?))));
+    let told = |(measure, (time, size)): (&Measure, (f64, f64))| {
+        let text = format!(
+            "`{}` goes up and down with every step, by {size:.1e} of its largest value to either side at t = {time}",
+            measure.name
+        );
+        Diagnostic::new(Code::W652, text)
+            .at(measure.span, "it is that of an oscillation which the steps do not resolve")
+            .note(
+                "this scheme damps nothing that oscillates within a step: a stiff body that is moved has accelerations, and forces that follow \
+                 from them, to either side of the right ones, while its motion is right",
+            )
+            .help("scheme bdf2, or generalised_alpha with a small rho_inf; the mean of two steps is much nearer")
+    };
+    found.map(told).into_iter().collect()
+}
+
+/// When a measure has gone up and down with so many steps, and by which part of its largest value.
+fn alternates(measure: &Measure, steps: &[StepResult]) -> Option<(f64, f64)> {
+    let value =
+        |step: &StepResult| step.measures.iter().find(|(name, _)| *name == measure.name).map(|(_, value)| *value);
+    let series: Vec<(f64, f64)> = steps.iter().filter_map(|s| Some((s.window.end, value(s)?))).collect();
+    let largest = series.iter().fold(0.0f64, |most, (_, value)| most.max(value.abs()));
+    // a quarter of the second difference is what alternates beside a line
+    let bends = series.windows(3).map(|w| (w[2].0, 0.25 * (w[0].1 - 2.0 * w[1].1 + w[2].1)));
+    let (mut in_a_row, mut before) = (0, 0.0f64);
+    for (time, bend) in bends {
+        let goes_on = bend * before < -KEPT * before * before && bend.abs() > SEEN_OF_MEASURES * largest;
+        (in_a_row, before) = (if goes_on { in_a_row + 1 } else { 0 }, bend);
+        if in_a_row == TURNS {
+            return Some((time, bend.abs() / largest));
+        }
+    }
+    None
 }

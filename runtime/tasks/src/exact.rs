@@ -4,7 +4,7 @@ use wfl::{
     FieldKind,
     ast::{Expr, ExprKind, MulOp},
 };
-use wfl_adapt::compare::{EXACT_OUTPUT, Solved, items, name, take, unknowns};
+use wfl_adapt::compare::{EXACT_OUTPUT, Solved, beside_constant, items, name, take, unknowns};
 use wfl_compiler::backend::KernelBackend;
 use wfl_problem::{SampleAt, Samples};
 
@@ -36,29 +36,30 @@ pub(crate) fn statements(known: &Known) -> Option<String> {
     of_field.then(|| format!("output vtk \"{EXACT_OUTPUT}\" : {}\n", items.join(", ")))
 }
 
-/// The relative errors of a run that was read with [`statements`]: `L2`, `H1`, outputs on contact faces.
+/// The relative errors of a run that was read with [`statements`]: `L2` (of the solution beside its value nearest to zero), `H1`, outputs on
+/// contact faces.
 pub(crate) fn errors(run: &Solved, backend: &dyn KernelBackend) -> Result<Vec<(String, f64)>, String> {
     let given = run.outputs.iter().find(|o| o.file == EXACT_OUTPUT).ok_or("the scene defines no exact solution")?;
     let exact = |kind: &str, n: &str| given.items.iter().find(|i| i.name == format!("{kind}_{n}")).map(|i| &i.expr);
     let mut list = Vec::new();
-    let mut push = |quantity: String, value: Expr, exact: &Expr| {
+    let mut push = |quantity: String, value: Expr, exact: &Expr, norm_of: &Expr| {
         let like = |kind| Expr { kind, span: value.span, expansion: None };
         let sum = |a: Expr, minus, b: Expr| like(ExprKind::Sum(vec![(false, a), (minus, b)]));
         list.push((format!("{quantity} error"), sum(value.clone(), true, exact.clone())));
         // zero times the value: the norm is taken where the value lives
         let factors = vec![(MulOp::Times, value.span, value.clone())];
         let nothing = like(ExprKind::Product(Box::new(like(ExprKind::Number(0.0))), factors));
-        list.push((quantity, sum(nothing, false, exact.clone())));
+        list.push((quantity, sum(nothing, false, norm_of.clone())));
     };
     for field in unknowns(run) {
         if let (Some(value), Some(slope)) = (exact("value", field), exact("slope", field)) {
-            push("L2".to_owned(), name(run, field), value);
-            push("H1".to_owned(), name(run, &format!("Grad_{field}")), slope);
+            push("L2".to_owned(), name(run, field), value, &beside_constant(run, field, value)?);
+            push("H1".to_owned(), name(run, &format!("Grad_{field}")), slope, slope);
         }
     }
     for item in items(run) {
         if let Some(e) = exact("face", &item.name) {
-            push(item.name.clone(), item.expr.clone(), e);
+            push(item.name.clone(), item.expr.clone(), e, e);
         }
     }
     let samples = take(run, backend, &list, SampleAt::Own(EXACT_DEGREE))?;

@@ -517,7 +517,9 @@ pages! {
          relative to what the run changes of a field. Where its values, or what cancels in its equations, are so much larger that \
          rounding is more than the demanded part of that, no step can have the demanded error: solve for the difference from \
          the start. Where nearly all of the change is the flight with which a body starts, the demanded part of it may be \
-         much of what happens beside: start at rest what flies together.",
+         much of what happens beside: start at rest what flies together. The same is told of a field without inertia that drifts, all of it \
+         alike and at the rate of the first step, where a step was seen to miss much of what happens beside: solve for the difference \
+         from the drift.",
         "steps t = 0 to 1 by auto with first=0.1, least=0.1, error=1e-9",
         "steps t = 0 to 1 by auto with error=1e-3",
     ),
@@ -703,12 +705,13 @@ pages! {
     ),
     page(
         W652,
-        "a rate that changes its sign in every step",
+        "a rate that changes its sign, or a measure that goes up and down, in every step",
         "The trapezoidal rule (`newmark`), and in part the alpha methods, follow the rate at the end of a step from the change over it \
          and the rate at its start. What decays within a step, as after a load or a support that comes suddenly, keeps its \
          size with the other sign: pressures and temperatures oscillate around the solution, and a flow is that of the \
          oscillation, while each instant is in balance. `bdf2` and `backward_euler` forget it in a few steps; so do smaller \
-         steps at the beginning, as `by auto` makes them.",
+         steps at the beginning, as `by auto` makes them. Also told of a measure that goes up and down with every step: of a stiff body with \
+         inertia that is moved the displacements are right, and reactions and accelerations oscillate around the right ones.",
         "scheme newmark\nsteps t = 0 to 1 by 0.01",
         "scheme bdf2\nsteps t = 0 to 1 by 0.01",
     ),

@@ -355,7 +355,9 @@ pub(super) const ROWS: &[StatementRow] = &[
         word: "measure",
         usage: "`measure m = reaction(u(1)) on r`",
         meaning: "what the values carry that `fix` prescribes at the nodes of `r`: minus the sum of their equations, the force \
-                  that the body exerts on its support, the flow of a scalar out of the body. The argument is linear in one \
+                  that the body exerts on its support, the flow of a scalar out of the body. A node at a corner has what all \
+                  `fix` there prescribe, and counts whole in each region: reactions on sides that meet add up to more than that on \
+                  both together. The argument is linear in one \
                   unknown: `p`, `u(1)`, `u.[0,1]`, the moment `x*u(2) - y*u(1)` about the reference placement (E460 says how \
                   current arms are written)",
         default: "",

@@ -60,7 +60,11 @@ pub(super) const MEANINGS: &[(&str, &str)] = &[
     ("rho_inf", "setting of `scheme generalised_alpha`: what is left of the highest frequencies, 0 to 1"),
     ("on_fail", "`go_on`: the run continues after a step that failed; `stop` is the default"),
     ("accuracy", "demanded relative error, such as 1e-3: it selects mesh, degree, tolerance and penalty"),
-    ("of", "quantity of the demanded accuracy: `L2`, `H1`, an output on contact faces, a measure (`L2`)"),
+    (
+        "of",
+        "quantity of the demanded accuracy: `L2` (beside the value nearest to zero, so that a constant makes no error smaller), `H1`, an \
+         output on contact faces, a measure (`L2`)",
+    ),
     ("amg", "multigrid for conjugate gradients and GMRES"),
     ("cg", "conjugate gradients for a large symmetric linear system"),
     ("direct", "one factorisation, also of a large system"),

@@ -27,7 +27,7 @@ use wfl_problem::{Over, StateAt};
 use wfl_sparse::solve::{CheckedLdlt, CheckedLlt, CheckedLu, LinearSolver, SolverOptions};
 
 use super::data::{around, to_cells};
-use crate::compare::{MEASURE, Solved, items, kinds, name};
+use crate::compare::{MEASURE, Solved, beside, items, kinds, name};
 
 /// Parts of an error by cell of the mesh and by direction of its reference cell; all parts are positive and in the unit of
 /// the goal.
@@ -284,7 +284,8 @@ fn weighted(run: &Solved, backend: &dyn KernelBackend, prefix: &str) -> Result<V
         let of: Vec<Expr> = kind.fields.iter().map(|field| name(run, &format!("{prefix}{field}"))).collect();
         let mut size = if kinds.len() > 1 { 0.0 } else { 1.0 };
         for value in of.iter().filter(|_| kinds.len() > 1) {
-            let square = call(run, "Norm_sqr", vec![value.clone()]);
+            let value = if prefix.is_empty() { beside(run, value, &kind.constant) } else { value.clone() };
+            let square = call(run, "Norm_sqr", vec![value]);
             size += run.scene.integrals_by_cell(&run.script, backend, &square, at)?.iter().sum::<f64>();
         }
         let weight = if size > 0.0 && !kind.vanishes { 1.0 / size } else { 0.0 };

@@ -206,3 +206,30 @@ fn an_impact_in_fast_flight_is_told() {
         assert!(told || (ran.last("v") - 1.0).abs() < 1e-2, "{speed}: {}", ran.last("v"));
     }
 }
+
+/// Heat in a bar that drifts everywhere by V t, with an end that goes up and down beside it: of the demanded error, which is one of the
+/// drift, a step may miss more than all that happens beside. What drifts and does nothing else is right.
+#[test]
+fn what_happens_beside_a_fast_drift_is_told() {
+    let ran = |speed: &str, beside: &str| {
+        let scene = format!(
+            "param V = {speed}\nmesh box [0] to [1] cells [10] segment\nregion left = faces where x == 0\n\
+             region right = faces where x == 1\nunknown T : scalar\nterm stored on all : Dot_T*Test_T\n\
+             term flow on all : 0.3*Grad_T.Grad_Test_T\nload T = V on all\nfix T = V*t + {beside} on left\nfix T = V*t on right\n\
+             steps t = 0 to 1 by auto\nmeasure m = value(T - V*t) at [0.2]\n"
+        );
+        run(&format!("auto-drift-{speed}-{}", beside.len()), &scene, &[])
+    };
+    let right = ran("0", "sin(10*t)").last("m");
+    for speed in ["0", "1", "1e4", "1e8"] {
+        let found = ran(speed, "sin(10*t)");
+        assert_eq!(found.code, 0, "{}", found.text);
+        assert!(
+            found.tells("W618") || (found.last("m") / right - 1.0).abs() < 5e-3,
+            "{speed}: {} for {right}",
+            found.last("m")
+        );
+        assert!(!found.tells("W618") || speed.len() > 1, "{speed}: {}", found.text);
+        ran(speed, "0*t").assert_silent();
+    }
+}

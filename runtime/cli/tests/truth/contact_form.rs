@@ -156,3 +156,26 @@ fn bars_that_meet_and_conduct_are_known_to_have_met() {
         assert!(apart.tells("W646"), "{}", apart.text);
     }
 }
+
+/// A sector of a tube under pressure whose ends are tied as they repeat around the axis: the force on one end is that on the other turned, and
+/// their sum is none. That was told as a wrong test function. Lame: A r + B/r with 200 A = 25 B and 200 A - 100 B = -1.
+#[test]
+fn the_ends_of_a_sector_balance_as_they_are_turned() {
+    let text = |test: &str| {
+        format!(
+            "param a = 0.7\nmesh box [1,0] to [2,a] cells [8,6] quad map [x*cos(y),x*sin(y)]\n\
+             region inner = faces where abs(x^2+y^2-1) < 0.03\nregion end = faces where abs(y*cos(a) - x*sin(a)) < 1e-9\n\
+             region pin = nodes where abs(x-1) < 1e-9 and abs(y) < 1e-9\nunknown u : vector Q2\n\
+             def back(w) = [cos(a)*w(1)+sin(a)*w(2), -sin(a)*w(1)+cos(a)*w(2)]\n\
+             mapping m = point [cos(a)*x+sin(a)*y, -sin(a)*x+cos(a)*y]\nmultiplier f : vector Q2 on end\n\
+             term b on all : 100*(Sym(Grad_u):Sym(Grad_Test_u)) + 50*Div_u*Div_Test_u\n\
+             term tie on end : f.({test}) + Test_f.(back(u) - Interpolate(u, m))\nload u = -1*Normal on inner\n\
+             fix u(2) = 0 on pin\nmeasure ur = value(u.[cos(0.3),sin(0.3)]) at [1.5*cos(0.3),1.5*sin(0.3)]\n"
+        )
+    };
+    let ran = run("sector", &text("back(Test_u) - Interpolate(Test_u, m)"), &[]);
+    assert!(ran.code == 0 && !ran.tells("W606"), "{}", ran.text);
+    assert!((ran.last("ur") / (1.5 / 600.0 + 8.0 / 900.0) - 1.0).abs() < 1e-5, "{}", ran.text);
+    let ran = run("sector-wrong", &text("back(Test_u) - 0.5*Interpolate(Test_u, m)"), &[]);
+    assert!(ran.code != 0 || ran.tells("W606"), "{}", ran.text);
+}

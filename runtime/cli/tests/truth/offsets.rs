@@ -222,3 +222,99 @@ fn values_that_alternate_are_told_beside_any_constant() {
         assert!(!ran(c, "0*t").tells("W652"), "{c}");
     }
 }
+
+/// Two blocks of 1000 under a penalty of 100 that is softer than they are, both carried away: they overlap by
+/// 0.01/(1 + 100/500) as at rest. A large way hid that; of a stiff penalty nothing is told.
+#[test]
+fn an_overlap_is_told_of_bodies_that_are_carried_along() {
+    let text = |far: &str, turn: &str, gamma: &str| {
+        format!(
+            "param D = {far}\nparam w = {turn}\nmesh box [0,-1] to [1,1] cells [4,8] quad\nregion low = cells where y < 0\n\
+             region up = cells where y > 0\nregion fault = interface from low to up\nregion foot = faces where y == -1\n\
+             region top = faces where y == 1\nunknown u : vector\nsplit u across fault\n\
+             def gap = (u - Interpolate(u, neighbor_element)).Normal\ndef p = {gamma}*pos_part(gap)\n\
+             term body on all : 1000*Sym(Grad_u):Sym(Grad_Test_u)\n\
+             term contact on fault : p*(Test_u - Interpolate(Test_u, neighbor_element)).Normal\n\
+             fix u = [D - w*y, D + w*x] on foot\nfix u = [D - w*y, D + w*x - 0.01] on top\nmeasure overlap = max(gap) on fault\n"
+        )
+    };
+    for (far, turn) in [("0", "0"), ("1e3", "0"), ("-1e6", "0"), ("0", "1"), ("1e3", "30")] {
+        let ran = run(&format!("offset-overlap-{far}-{turn}"), &text(far, turn, "100"), &[]);
+        assert!(
+            ran.code == 0 && ran.tells("W606") && (ran.last("overlap") * 120.0 - 1.0).abs() < 1e-6,
+            "{far} {turn}: {}",
+            ran.text
+        );
+        let ran = run(&format!("offset-pressed-{far}-{turn}"), &text(far, turn, "1e6"), &[]);
+        ran.assert_silent();
+    }
+}
+
+/// The same of finite strains, turned by 70 degrees as a whole.
+#[test]
+fn an_overlap_is_told_of_bodies_that_turn() {
+    let text = |gamma: &str| {
+        format!(
+            "param w = 1.2\ndef n = [-sin(w*t),cos(w*t)]\ndef turned = [(cos(w*t)-1)*x - sin(w*t)*y, sin(w*t)*x + (cos(w*t)-1)*y]\n\
+             mesh box [0,-1] to [1,1] cells [4,8] quad\nregion low = cells where y < 0\nregion up = cells where y > 0\n\
+             region fault = interface from low to up\nregion foot = faces where y == -1\nregion top = faces where y == 1\n\
+             unknown u : vector\nsplit u across fault\ndef gap = (u - Interpolate(u, neighbor_element)).n\n\
+             def p = {gamma}*pos_part(gap)\n\
+             term body on all : 1000*((Id(2) + Grad_u)*(Sym(Grad_u) + 0.5*Grad_u'*Grad_u)):Grad_Test_u\n\
+             term contact on fault : p*(Test_u - Interpolate(Test_u, neighbor_element)).n\n\
+             fix u = turned on foot\nfix u = turned - 0.01*t*n on top\nsteps t = 0 to 1 by 0.25\n"
+        )
+    };
+    for (gamma, told) in [("100", true), ("1e6", false)] {
+        let ran = run(&format!("offset-turned-{gamma}"), &text(gamma), &[]);
+        assert!(ran.code == 0 && ran.tells("W606") == told, "{gamma}: {}", ran.text);
+    }
+}
+
+/// Rings that are pressed apart by what is inside move outwards alike, which strains them: that is no way that they only have in common.
+#[test]
+fn rings_that_widen_are_compared_with_their_widening() {
+    let scene = "mesh box [10,0] to [10.2,0.1] cells [8,2] quad\nregion inner = cells where x < 10.1\nregion outer = cells where x > 10.1\n\
+                 region joint = interface from inner to outer\nregion bore = faces where x == 10\nregion ends = faces where y == 0\n\
+                 unknown u : vector\nsplit u across joint\ndef gap = (u - Interpolate(u, neighbor_element)).Normal\n\
+                 term body on all : 1e5*(2*pi*x)*(Sym(Grad_u):Sym(Grad_Test_u) + u(1)*Test_u(1)/x^2)\n\
+                 term contact on joint : 2*pi*x*1e5*pos_part(gap)*(Test_u - Interpolate(Test_u, neighbor_element)).Normal\n\
+                 load u = [2*pi*x*1,0] on bore\nfix u(2) = 0 on ends\nmeasure overlap = max(gap) on joint\n\
+                 measure widened = mean(u(1)) on bore\n";
+    let ran = run("offset-rings", scene, &[]);
+    // thin rings: E u/r = p r/thickness, and half of the pressure crosses the joint
+    assert!(ran.code == 0 && (ran.last("widened") / 5.1e-3 - 1.0).abs() < 0.05, "{}", ran.text);
+    assert!((ran.last("overlap") / 5e-6 - 1.0).abs() < 0.1 && !ran.tells("W606"), "{}", ran.text);
+}
+
+/// A temperature that a wrong sign makes grow from nothing beside a constant: it was told of a constant of zero alone.
+#[test]
+fn growth_without_end_is_told_beside_any_constant() {
+    let ran = |c: &str, sign: &str| {
+        let scene = format!(
+            "param c = {c}\nmesh box [0] to [1] cells [10] segment\nregion left = faces where x == 0\nunknown T : scalar\n\
+             start T = c + 1e-9*x\nterm stored on all : Dot_T*Test_T\n\
+             term flow on all : 0.3*Grad_T.Grad_Test_T {sign} 4*(T - c)*Test_T\nfix T = c on left\nsteps t = 0 to 5 by 0.02\n"
+        );
+        run(&format!("offset-growth-{c}-{}", sign.len()), &scene, &[])
+    };
+    for c in ["0", "293", "-1e3"] {
+        assert!(ran(c, "-").tells("W647"), "{c}");
+        ran(c, "+ 0*t +").assert_silent();
+    }
+}
+
+/// A bar far stiffer than its support moves by F/k = 1. Of so few equations the residual may be zero by accident, whatever the state: it
+/// moved by 0.998 at a stiffness of 1e12, with no word of its digits.
+#[test]
+fn a_residual_that_is_zero_by_accident_is_no_solution() {
+    for stiff in ["1e6", "1e9", "1e11", "0.9e12", "1e12", "1.1e12", "1e13"] {
+        let scene = format!(
+            "mesh box [0] to [1] cells [10] segment\nregion left = faces where x == 0\nregion right = faces where x == 1\n\
+             unknown T : scalar\nstart T = 0\nterm bar on all : {stiff}*Grad_T.Grad_Test_T\nterm support on left : T*Test_T\n\
+             load T = 1 on right\nmeasure d = mean(T) on left\n"
+        );
+        let ran = run(&format!("offset-zero-{stiff}"), &scene, &[]);
+        assert!(ran.code == 0 && (ran.last("d") - 1.0).abs() < 1e-6, "{stiff}: {}", ran.text);
+    }
+}

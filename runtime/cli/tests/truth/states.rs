@@ -167,3 +167,24 @@ fn an_impact_that_begins_at_the_wall_overlaps_little() {
     let soft = run("lands-softly", &scene(100.0), &[]);
     assert!(soft.tells("W606") && soft.text.contains("penetration at `contact`"), "{}", soft.text);
 }
+
+/// A stiff block with a mass of 3 that is moved as a whole by sin(t): its support carries 3 sin(t). The trapezoidal rule has a force beside it
+/// that goes up and down with every step, of 6 % of the largest one, and 55 % off in the first step: silent.
+#[test]
+fn a_reaction_that_alternates_is_told() {
+    let ran = |scheme: &str, by: &str| {
+        let scene = format!(
+            "mesh box [0,0] to [1,1] cells [2,2] quad\nunknown u : vector\nterm i on all : 3*Dot2_u.Test_u\n\
+             term s on all : 1e4*Sym(Grad_u):Sym(Grad_Test_u)\nstart Dot_u = [0,1]\nfix u = [0,sin(t)] on boundary\n\
+             scheme {scheme}\nsteps t = 0 to 2 by {by}\nmeasure R = reaction(u(2)) on boundary\n"
+        );
+        run(&format!("alternates-{scheme}-{by}"), &scene, &[])
+    };
+    let trapezoidal = ran("newmark", "0.1");
+    assert!(trapezoidal.code == 0 && trapezoidal.tells("W652"), "{}", trapezoidal.text);
+    for (scheme, by) in [("newmark", "0.01"), ("bdf2", "0.1"), ("bdf2", "0.01")] {
+        let ran = ran(scheme, by);
+        ran.assert_silent();
+        assert!((ran.last("R") / (3.0 * 2f64.sin()) - 1.0).abs() < 0.01, "{scheme} {by}: {}", ran.last("R"));
+    }
+}

@@ -320,6 +320,12 @@ impl System {
         out
     }
 
+    /// The first of the bodies that share a measure with a body: those that it meets.
+    #[must_use]
+    pub fn first_alike(&self, body: usize) -> usize {
+        self.all_bodies().meets[body]
+    }
+
     /// By body the largest of numbers by dof among all bodies that share its measure, on any rank.
     #[must_use]
     pub fn largest_of_alike(&self, numbers: &[f64]) -> Vec<f64> {

@@ -135,6 +135,9 @@ impl Attempt<'_> {
             step.assemble_tangent(self.u, false)?;
             step.factor()?;
         }
+        let is_corrected = self.history.iterations.last().is_some_and(|last| last.number > 0);
+        let is_zero = stop == Stop::Tolerance && is_corrected && self.here.relative == 0.0;
+        let stop = if is_zero && refinement::hides(step, self.u, &self.here) { Stop::Floor } else { stop };
         self.history.stop = Some(stop);
         if stop == Stop::Floor && step.options.search && refinement::helps(step, self.u, &self.here) {
             refinement::refine(step, self.u, &self.norm, &mut self.history)?;
