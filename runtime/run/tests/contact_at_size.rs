@@ -12,6 +12,7 @@ const FAULT: &str = include_str!("../../../examples/fault/fault.wfl");
 const PENALTY: &str = include_str!("../../../examples/fault/penalty.wfl");
 const NITSCHE: &str = include_str!("../../../examples/fault/nitsche.wfl");
 const AUGMENTED: &str = include_str!("../../../examples/fault/augmented_lagrangian.wfl");
+const SLIDING: &str = include_str!("../../../benches/compare/scenes/sliding.wfl");
 
 /// The fault in one text with four steps, a method of contact with what is replaced in it, and a linear solver; without files.
 fn fault(cells: usize, method: &str, edits: &[(&str, &str)], linear: &str) -> String {
@@ -184,6 +185,49 @@ fn hyperelastic_bodies_with_friction_have_the_iterations_and_measures_of_factors
             assert!((a - b).abs() <= 1e-9 * a.abs().max(1.0), "{contact}: {a:e} and {b:e}");
         }
     }
+}
+
+/// Bodies that slide over each other, of finite and of small strain: in each step images come to other faces.
+fn sliding(is_linear: bool, linear: &str) -> String {
+    let law = SLIDING.lines().find(|line| line.starts_with("def P(g)")).expect("a law");
+    let text = SLIDING.replace("param n = 8", "param n = 4");
+    let text = if is_linear { text.replace(law, "def P(g) = 0.8*Sym(g) + 0.5*Trace(g)*Id(3)") } else { text };
+    format!("{text}solver linear with {linear}\n")
+}
+
+#[test]
+fn bodies_that_slide_have_the_iterations_and_measures_of_factors() {
+    for is_linear in [false, true] {
+        let with = |linear: &str| told(&outcome(&sliding(is_linear, linear), 2));
+        let (factor, iteration) = (with("direct"), with("gmres, amg"));
+        assert!(!factor.0.contains("GMRES with multigrid"), "{}", factor.0);
+        assert!(iteration.0.starts_with("Newton; whole tangent: GMRES with multigrid"), "{}", iteration.0);
+        assert!(!iteration.0.contains("in place of"), "{}", iteration.0);
+        assert_eq!(factor.1, iteration.1, "{}", iteration.0);
+        for (a, b) in factor.2.iter().flatten().zip(iteration.2.iter().flatten()) {
+            assert!((a - b).abs() <= 1e-9 * a.abs().max(1e-2), "{a:e} and {b:e}");
+        }
+    }
+}
+
+/// Their direct solution is on the dofs that images touch, not on all that they may touch.
+#[test]
+fn of_bodies_that_slide_few_unknowns_are_solved_for_directly() {
+    let on_contact = |text: &str| -> usize {
+        let (_, behind) = text.split_once("a direct solution on the ").expect("GMRES");
+        behind.split(' ').next().and_then(|n| n.parse().ok()).expect("a number")
+    };
+    let text = sliding(false, "gmres, amg");
+    let method = wfl_sparse::solve::LinearMethod::Iterative;
+    let options = wfl_sparse::solve::SolverOptions { method, ..wfl_sparse::solve::SolverOptions::default() };
+    let foreseen = on_contact(&wfl_linear::LinearSolver::plan(&prepared(&text).system, &options).to_string());
+    let solver = told(&outcome(&text, 2)).0;
+    assert!(on_contact(&solver) < foreseen, "{foreseen}: {solver}");
+    let bits = |threads: usize| {
+        let outcome = outcome(&text, threads);
+        outcome.steps.iter().flat_map(|step| step.measures.iter().map(|(_, v)| v.to_bits())).collect::<Vec<_>>()
+    };
+    assert!(bits(1) == bits(3), "the same bits for any number of threads");
 }
 
 #[test]
