@@ -25,8 +25,10 @@ const SEEN: f64 = 1e-4;
 /// A change in a step of less than so many roundings of the values is rounding.
 const ROUNDED: f64 = 16.0;
 
-/// Steps in a row with which a measure goes up and down: what contact makes it do ends sooner.
+/// Steps in a row with which a measure goes up and down, and the part of all steps: what contact makes it do ends sooner, and what a
+/// rule damps is over after some tens.
 const TURNS: usize = 8;
+const LASTS: usize = 10;
 /// The part of its largest value by which a measure goes up and down, to either side of what is between: one sees it in a plot, and has a digit
 /// less than steps of a hundredth of the motion give.
 const SEEN_OF_MEASURES: f64 = 1e-2;
@@ -120,19 +122,20 @@ pub(super) fn measures_told(run: &Ended<'_>) -> Vec<Diagnostic> {
     found.map(told).into_iter().collect()
 }
 
-/// When a measure has gone up and down with so many steps, and by which part of its largest value.
+/// When a measure has gone up and down with enough steps, and by which part of its largest value.
 fn alternates(measure: &Measure, steps: &[StepResult]) -> Option<(f64, f64)> {
     let value =
         |step: &StepResult| step.measures.iter().find(|(name, _)| *name == measure.name).map(|(_, value)| *value);
     let series: Vec<(f64, f64)> = steps.iter().filter_map(|s| Some((s.window.end, value(s)?))).collect();
     let largest = series.iter().fold(0.0f64, |most, (_, value)| most.max(value.abs()));
     // a quarter of the second difference is what alternates beside a line
+    let enough = TURNS.max(series.len() / LASTS);
     let bends = series.windows(3).map(|w| (w[2].0, 0.25 * (w[0].1 - 2.0 * w[1].1 + w[2].1)));
     let (mut in_a_row, mut before) = (0, 0.0f64);
     for (time, bend) in bends {
         let goes_on = bend * before < -KEPT * before * before && bend.abs() > SEEN_OF_MEASURES * largest;
         (in_a_row, before) = (if goes_on { in_a_row + 1 } else { 0 }, bend);
-        if in_a_row == TURNS {
+        if in_a_row == enough {
             return Some((time, bend.abs() / largest));
         }
     }

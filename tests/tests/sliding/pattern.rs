@@ -51,6 +51,43 @@ fn a_tangent_is_that_of_its_state_whatever_came_before() {
     assert!(sizes.iter().all(|n| *n > 0), "{sizes:?}");
 }
 
+/// The part of contact does not depend on the bodies: beside the tangent of bodies that are not linear it is what changes where bodies
+/// are.
+#[test]
+fn the_part_on_faces_is_that_of_contact_whatever_came_before() {
+    let text = blocks(6, "steps s = 0 to 1 by 1\n");
+    let law = text.lines().find(|line| line.starts_with("def P(g)")).expect("a law").to_owned();
+    let of_linear = text.replace(&law, "def P(g) = 0.8*Sym(g)");
+    let [mut of_bodies, mut alone] = [text, of_linear].map(|text| {
+        let made = prepared(Path::new("."), text, &[], &[], &InterpreterBackend);
+        let scene = made.unwrap_or_else(|e| panic!("{e}"));
+        let mut equations = scene.at_first_step().expect("equations");
+        equations.system.keep_faces_apart().expect("a pattern");
+        (equations.system.new_tangent(), equations.system)
+    });
+    let upper = alone.1.range(0).expect("an unknown");
+    for slid in [0.0, 1.3, 2.6, 0.4] {
+        let moved = |d: usize| if upper.contains(&d) { [slid, -0.03][(d - upper.start) % 2] } else { 0.0 };
+        let u: Vec<f64> = (0..alone.1.numbering.n_dofs).map(moved).collect();
+        for (tangent, system) in [&mut of_bodies, &mut alone] {
+            system.tangent(&u, Branches::AsWritten, tangent).expect("a tangent");
+        }
+        let whole = &alone.0.changing;
+        let size = whole.max_abs();
+        assert!(size > 1.0, "the bodies touch");
+        for (tangent, _) in [&of_bodies, &alone] {
+            let part = tangent.on_faces().expect("it is kept apart");
+            let other = part.plus(whole).expect("one shape");
+            for row in 0..other.n_rows() {
+                for column in other.row(row).0.iter().map(|column| *column as usize) {
+                    let (a, b) = (part.get(row, column), whole.get(row, column));
+                    assert!((a - b).abs() <= 1e-14 * size, "{slid}: {row}, {column}: {a:e} and {b:e}");
+                }
+            }
+        }
+    }
+}
+
 /// Along a few directions the tangent is the difference of residuals.
 pub(super) fn differences(system: &System, u: &[f64], tangent: &wfl_sparse::csr::Csr) {
     let mut random = Sequence(11);

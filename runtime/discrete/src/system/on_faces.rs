@@ -26,8 +26,16 @@ pub(super) struct OnFaces {
 #[derive(Clone, Debug)]
 pub(super) struct PartOnFaces {
     pub(super) matrix: Arc<Csr>,
-    /// The step that its pattern was made in, where images are followed.
-    step: Option<Window>,
+    /// The step that its pattern was made in, where images are followed and it may be used again.
+    pub(super) step: Option<Window>,
+}
+
+/// Where a matrix is summed.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    pattern: &'a Arc<Pattern>,
+    /// By dof its row.
+    rows: &'a [u32],
 }
 
 impl System {
@@ -78,7 +86,8 @@ impl System {
             Some(axes) => (axes.pattern(), &axes.rows),
             None => (&held.pattern, &self.numbering.free),
         };
-        let mut matrix = self.sum_on_faces(held, &values, branches, (pattern, rows))?;
+        let place = Place { pattern, rows };
+        let mut matrix = self.sum_on_faces(held, &values, branches, place)?;
         if let Some(axes) = &held.axes {
             self.numbering.frames.turn_matrix(&mut matrix, |dof| axes.rows[dof] as usize);
             let mut turned = Csr::zeros(Arc::clone(&held.pattern));
@@ -88,18 +97,18 @@ impl System {
         Ok(Some(PartOnFaces { matrix: Arc::new(matrix), step: None }))
     }
 
-    /// What is held of the terms on faces, summed in a pattern; `rows` maps dofs to its rows. Those whose images are followed are left out.
+    /// What is held of the terms on faces, summed in its place. Those whose images are followed are left out.
     fn sum_on_faces(
         &self,
         held: &OnFaces,
         values: &StateValues<'_>,
         branches: Branches<'_>,
-        (pattern, rows): (&Arc<Pattern>, &[u32]),
+        place: Place<'_>,
     ) -> Result<Csr, TermError> {
-        let mut matrix = Csr::zeros(Arc::clone(pattern));
+        let mut matrix = Csr::zeros(Arc::clone(place.pattern));
         for form in self.forms_on_faces(held, branches).filter(|form| !self.is_followed(form)) {
             let mut term = form.clone();
-            term.locate(pattern, rows);
+            term.locate(place.pattern, place.rows);
             term.add_tangent(&self.mesh, values.view(), matrix.values_mut())?;
         }
         Ok(matrix)
@@ -118,8 +127,8 @@ impl System {
         let before = before.filter(|before| before.step == step);
         let rows = self.numbering.free.as_slice();
         if let Some(before) = &before {
-            let pattern = before.matrix.pattern();
-            let mut matrix = self.sum_on_faces(held, values, branches, (pattern, rows))?;
+            let place = Place { pattern: before.matrix.pattern(), rows };
+            let mut matrix = self.sum_on_faces(held, values, branches, place)?;
             if self.add_images_on_faces(held, values, branches, &mut matrix)? {
                 return Ok(PartOnFaces { matrix: Arc::new(matrix), step });
             }
@@ -128,7 +137,7 @@ impl System {
         let followed = self.forms_on_faces(held, branches).filter(|form| self.is_followed(form));
         let near = self.pattern_near(followed, values).and_then(|near| kept.union(&near));
         let pattern = Arc::new(near.map_err(TermError::Matrix)?);
-        let mut matrix = self.sum_on_faces(held, values, branches, (&pattern, rows))?;
+        let mut matrix = self.sum_on_faces(held, values, branches, Place { pattern: &pattern, rows })?;
         let is_complete = self.add_images_on_faces(held, values, branches, &mut matrix)?;
         assert!(is_complete, "the pattern was made for these images");
         Ok(PartOnFaces { matrix: Arc::new(matrix), step })

@@ -56,6 +56,43 @@ impl OfImages {
     fn new(pattern: &Arc<Pattern>) -> Self {
         Self { fixed: Csr::zeros(pattern.clone()), places: (0..pattern.n_entries()).collect(), step: None }
     }
+
+    /// The values of the whole: in the order of the fixed part those that stand there, and then row, column and value of each other one.
+    fn memory(&self, whole: &Csr) -> Vec<f64> {
+        let mut out: Vec<f64> = self.places.iter().map(|place| whole.values()[*place]).collect();
+        for row in 0..whole.n_rows() {
+            let (columns, values) = whole.row(row);
+            let fixed = self.fixed.pattern().row(row);
+            for (column, value) in columns.iter().zip(values).filter(|(column, _)| fixed.binary_search(column).is_err())
+            {
+                #[expect(clippy::cast_precision_loss, reason = "fewer than 2^32 rows")]
+                out.extend([row as f64, f64::from(*column), *value]);
+            }
+        }
+        out
+    }
+
+    /// The whole that [`Self::memory`] is of, and where the fixed part stands in it; `None` if it is that of another system.
+    fn recalled(&self, memory: &[f64]) -> Option<(Csr, Vec<usize>)> {
+        let (values, added) = memory.split_at_checked(self.places.len())?;
+        let (triplets, rest) = added.as_chunks::<3>();
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "rows and columns are whole numbers"
+        )]
+        let triplets: Vec<(u32, u32, f64)> =
+            triplets.iter().map(|[i, j, value]| (*i as u32, *j as u32, *value)).collect();
+        let pattern = self.fixed.pattern();
+        let added = Csr::from_triplets(pattern.n_rows(), pattern.n_cols(), &triplets).ok()?;
+        let mut whole = Csr::zeros(Arc::new(pattern.union(added.pattern()).ok()?));
+        let places = [pattern, added.pattern()].map(|part| part.positions_in(whole.pattern()));
+        let [Some(places), Some(places_of_added)] = places else { return None };
+        let slots = whole.values_mut();
+        places.iter().zip(values).for_each(|(place, value)| slots[*place] = *value);
+        places_of_added.iter().zip(added.values()).for_each(|(place, value)| slots[*place] = *value);
+        rest.is_empty().then_some((whole, places))
+    }
 }
 
 impl Tangent {
@@ -83,23 +120,17 @@ impl Tangent {
         self.applied.is_some()
     }
 
-    /// The values of the changing terms, with their rows and columns where these follow images; where they are applied what sizes
-    /// of a residual need of them. What [`Self::recall`] takes.
+    /// The values of the changing terms, and where these follow images those that images have added with their rows and columns; where
+    /// they are applied what sizes of a residual need of them. What [`Self::recall`] takes.
     #[must_use]
     pub fn memory(&self) -> Vec<f64> {
         if let Some(applied) = &self.applied {
             return applied.memory();
         }
-        if self.images.is_none() {
-            return self.changing.values().to_vec();
+        match &self.images {
+            Some(images) => images.memory(&self.changing),
+            None => self.changing.values().to_vec(),
         }
-        let row = |row: usize| {
-            let (columns, values) = self.changing.row(row);
-            #[expect(clippy::cast_precision_loss, reason = "fewer than 2^32 rows")]
-            let row = row as f64;
-            columns.iter().zip(values).flat_map(move |(column, value)| [row, f64::from(*column), *value])
-        };
-        (0..self.changing.n_rows()).flat_map(row).collect()
     }
 
     /// Takes over values of [`Self::memory`], or zero for none; false, and nothing is changed, if they are those of another system.
@@ -119,18 +150,7 @@ impl Tangent {
             }
             return fits;
         };
-        let (triplets, rest) = memory.as_chunks::<3>();
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "rows and columns are whole numbers"
-        )]
-        let triplets: Vec<(u32, u32, f64)> =
-            triplets.iter().map(|[i, j, value]| (*i as u32, *j as u32, *value)).collect();
-        let (n_rows, n_cols) = (self.changing.n_rows(), self.changing.n_cols());
-        let Ok(matrix) = Csr::from_triplets(n_rows, n_cols, &triplets) else { return false };
-        let places = images.fixed.pattern().positions_in(matrix.pattern());
-        let (Some(places), true) = (places, rest.is_empty()) else { return false };
+        let Some((matrix, places)) = images.recalled(memory) else { return false };
         // a pattern that has not changed stays the same one
         if **matrix.pattern() == **self.changing.pattern() {
             self.changing.values_mut().copy_from_slice(matrix.values());
@@ -138,6 +158,7 @@ impl Tangent {
             (images.places, self.changing) = (places, matrix);
         }
         images.step = None;
+        self.on_faces.iter_mut().for_each(|part| part.step = None);
         true
     }
 }
