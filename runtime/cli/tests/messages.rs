@@ -260,7 +260,7 @@ error[E402]: region `part` is empty
   --> scene.wfl:20:36
    |
 20 | region part = faces of fault where y > 9
-   |                                    ^^^^^ no face of `fault`; the mesh spans x = -1..1, y = 0..1, z = 0..2
+   |                                    ^^^^^ no face of `fault`; the mesh spans x = 0..1, y = 0..1, z = 0..1
 "#,
     ),
     (
