@@ -3,6 +3,7 @@
 //! `cargo test --workspace --test suites patch::` runs those of one file.
 
 mod adaptive;
+mod any_solver;
 mod apart_bodies;
 mod benchmarks;
 mod between_faces;

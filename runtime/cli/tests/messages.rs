@@ -253,6 +253,17 @@ error[E402]: region `far` is empty
 "#,
     ),
     (
+        "region part = faces of fault where y > 9",
+        &[],
+        r#"
+error[E402]: region `part` is empty
+  --> scene.wfl:20:36
+   |
+20 | region part = faces of fault where y > 9
+   |                                    ^^^^^ no face of `fault`; the mesh spans x = 0..1, y = 0..1, z = 0..1
+"#,
+    ),
+    (
         "region bottom = faces where z == 0\nmultiplier lambda : vector on fault\nfix uL, uR = [0,0,0] on bottom\nterm contact on fault : lambda.jump(Test_uL,Test_uR) + jump(uL,uR).Test_lambda",
         &[],
         r#"

@@ -161,7 +161,7 @@ impl RegionMaker<'_> {
             RegionExpr::Picked { entity, condition, of, span } => {
                 let place = condition.as_ref().map_or(*span, |c| c.span);
                 let nearest = condition.as_ref().and_then(|c| self.nearest_coordinate(*entity, of.as_ref(), c));
-                (place, nearest.unwrap_or_else(|| self.extent(*entity)))
+                (place, nearest.unwrap_or_else(|| self.extent(*entity, of.as_ref())))
             }
             RegionExpr::Interface { from, to, span } => {
                 (*span, format!("`{}` and `{}` share no face", from.name, to.name))
@@ -203,20 +203,24 @@ impl RegionMaker<'_> {
         best.map(|b| format!("no {one}; the nearest {many} have {name} = {b}"))
     }
 
-    fn extent(&self, entity: EntityKind) -> String {
+    /// "no face of the outer boundary; the mesh spans x = 0..1"; of a part of faces or of an interface, "no face of `seam`".
+    fn extent(&self, entity: EntityKind, of: Option<&Ident>) -> String {
+        let named =
+            of.filter(|of| !matches!(self.regions.get(&of.name).map(|r| &r.set), Some(RegionSet::Cells(_)) | None));
         let (low, high) = self.mesh.bounds();
         let range: Vec<String> = ["x", "y", "z"][..self.mesh.dim()]
             .iter()
             .enumerate()
             .map(|(d, name)| format!("{name} = {}..{}", low[d], high[d]))
             .collect();
-        let word = match entity {
-            EntityKind::Cells => "no cell",
-            EntityKind::Faces => "no face of the outer boundary",
-            EntityKind::Rim => "no edge with one face alone",
-            EntityKind::Crossings => "no edge with three faces or more",
-            EntityKind::Interior => "no edge between two faces",
-            EntityKind::Nodes => "no node",
+        let word = match (entity, named) {
+            (EntityKind::Faces, Some(of)) => format!("no face of `{}`", of.name),
+            (EntityKind::Faces, None) => "no face of the outer boundary".to_owned(),
+            (EntityKind::Cells, _) => "no cell".to_owned(),
+            (EntityKind::Rim, _) => "no edge with one face alone".to_owned(),
+            (EntityKind::Crossings, _) => "no edge with three faces or more".to_owned(),
+            (EntityKind::Interior, _) => "no edge between two faces".to_owned(),
+            (EntityKind::Nodes, _) => "no node".to_owned(),
         };
         format!("{word}; the mesh spans {}", range.join(", "))
     }

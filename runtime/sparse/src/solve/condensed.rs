@@ -94,7 +94,7 @@ impl std::fmt::Display for Elimination {
                 let precision = if *single { ", factors of single precision" } else { "" };
                 write!(
                     f,
-                    "constant bulk factored once, dense matrix of the {n_forces} woodbury on {n_changing} changing \
+                    "constant bulk factored once, capacitance matrix of {n_forces} forces on {n_changing} changing \
                      dofs{precision}"
                 )
             }

@@ -241,7 +241,7 @@ pub enum SolveError {
         mode: NullVector,
     },
     /// A matrix that must be positive definite is not.
-    #[error("the matrix is not positive definite: pivot {pivot:.3e} at dof {dof}")]
+    #[error("the matrix is not positive definite{}", at_pivot(*dof, *pivot))]
     NotPositiveDefinite {
         /// Dof at whose elimination it was seen.
         dof: usize,
@@ -400,6 +400,12 @@ pub trait LinearSolver {
     fn describe(&self) -> Option<String> {
         None
     }
+}
+
+/// Where a matrix was seen not to be positive definite; nothing where no value of a pivot is known: what saw it was no elimination
+/// of the matrix itself then, and has no dof.
+fn at_pivot(dof: usize, pivot: f64) -> String {
+    if pivot.is_nan() { String::new() } else { format!(": pivot {pivot:.3e} at dof {dof}") }
 }
 
 /// Multiplications below which a second thread costs more than it gives.

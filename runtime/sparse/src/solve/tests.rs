@@ -442,3 +442,17 @@ fn the_factor_of_a_near_matrix_solves_to_the_tolerance_and_that_of_another_one_s
         assert!(!solver.keep_factor(&near).unwrap());
     }
 }
+
+#[test]
+fn a_pivot_is_told_where_its_value_is_known() {
+    let told = |pivot| SolveError::NotPositiveDefinite { dof: 7, pivot }.to_string();
+    assert_eq!(told(-2.0), "the matrix is not positive definite: pivot -2.000e0 at dof 7");
+    assert_eq!(told(f64::NAN), "the matrix is not positive definite");
+}
+
+#[test]
+fn an_elimination_says_how_many_forces_on_how_many_dofs() {
+    let told = |single| Elimination::Woodbury { n_changing: 644, n_forces: 322, single }.to_string();
+    let words = "constant bulk factored once, capacitance matrix of 322 forces on 644 changing dofs";
+    assert_eq!([told(false), told(true)], [words.to_owned(), format!("{words}, factors of single precision")]);
+}

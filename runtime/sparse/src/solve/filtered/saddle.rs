@@ -28,6 +28,9 @@ const ASYMMETRY: f64 = 1e-9;
 /// Of so many rows one is looked at: all of them take as long as ten iterations.
 const EVERY: usize = 16;
 
+/// Why there are no levels.
+const INDEFINITE: &str = "no levels of multigrid: the part of the motion is not positive definite";
+
 /// Solver for matrices of a motion, whose part has a positive definite symmetric part, and a pressure.
 pub struct CheckedSaddle {
     /// Rows of the pressure have no place.
@@ -63,16 +66,22 @@ impl CheckedSaddle {
     /// Takes a matrix and makes its levels.
     ///
     /// # Errors
-    /// [`SolveError::NotPositiveDefinite`] where the part of the motion is not, or where a pressure acts on nothing,
+    /// [`SolveError::Library`] where the part of the motion is not positive definite, [`SolveError::NotPositiveDefinite`] where a
+    /// pressure acts on nothing,
     /// [`SolveError::TooMuchMemory`].
     pub fn take(&mut self, matrix: &Arc<Csr>) -> Result<(), SolveError> {
         self.loaded = None;
         self.layout.check(matrix)?;
         self.check.set_matrix(&[matrix])?;
         let mut cycle = match self.is_symmetric(matrix) {
-            true => Cycle::new(&[matrix], &self.layout)?,
-            false => Cycle::new(&[&matrix.symmetric_part()?], &self.layout)?,
-        };
+            true => Cycle::new(&[matrix], &self.layout),
+            false => Cycle::new(&[&matrix.symmetric_part()?], &self.layout),
+        }
+        .map_err(|error| match error {
+            // the number of its pivot is one of a level
+            SolveError::NotPositiveDefinite { .. } => SolveError::Library { text: INDEFINITE.to_owned() },
+            other => other,
+        })?;
         let pressure = self.schur(matrix, &mut cycle)?;
         let forces = self.forces(matrix)?;
         self.loaded = Some(Loaded { matrix: Arc::clone(matrix), cycle, pressure, forces });
