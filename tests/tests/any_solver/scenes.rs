@@ -135,7 +135,7 @@ fn held(draw: &mut Draw, body: &Body) -> String {
     let mut text = match draw.below(4) {
         0 => format!("fix u = {} on left\nfix u.Normal = 0 on side\n", zero(body)),
         1 => format!("fix u = {} on left\nfix u(2) = 0.03*(1 + 0.3*t) on right\n", zero(body)),
-        2 => format!("fix u.Normal = 0.01 on left, right\nterm held on side : 40*u.Test_u\n"),
+        2 => "fix u.Normal = 0.01 on left, right\nterm held on side : 40*u.Test_u\n".to_owned(),
         _ => format!("fix u = {} on left\n", vector(body, ["0.02*py", "0.01", "0"])),
     };
     text += &format!("load u = (1 + 0.3*t)*{} on all\n", vector(body, ["1", "-0.6*(1 + x)", "0.4"]));
