@@ -133,12 +133,10 @@ pub(super) fn told(scene: &Scene, steps: &[StepResult]) -> Option<Diagnostic> {
 /// The largest value of a field beside that of its component nearest to zero, on all ranks.
 fn beside_constant(system: &System, u: &[f64], field: usize) -> f64 {
     let (Some(range), n) = (system.range(field), system.fields[field].n_components) else { return 0.0 };
-    let mut ends = vec![[f64::INFINITY, f64::NEG_INFINITY]; n];
-    for (i, x) in u[range].iter().enumerate() {
-        let [low, high] = &mut ends[i % n];
-        (*low, *high) = (low.min(*x), high.max(*x));
-    }
-    let beside = ends.into_iter().map(|[low, high]| {
+    let values = &u[range];
+    let beside = (0..n).map(|component| {
+        let own = values.iter().skip(component).step_by(n);
+        let [low, high] = own.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
         let [low, high] = system.team().range(low, high);
         let constant = if low > 0.0 { low } else { high.min(0.0) };
         (high - constant).max(constant - low)
