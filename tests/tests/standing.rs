@@ -108,10 +108,11 @@ fn begin(scene: &Scene, session: &mut Session, random: &mut Random) -> Result<()
     let span = scene.steps.last() - scene.steps.first();
     for part in [1e-3, 0.03, 0.2].iter().take(1 + random.below(3)) {
         let mut u = session.begin(scene, from + part * span).expect("a step").to_vec();
-        prop_assert!(session.residual(&u).is_ok());
+        prop_assert!(session.stands() && session.residual(&u).is_ok());
         if random.below(3) == 0 {
             u[0] = f64::NAN;
             prop_assert!(session.accept(scene, &u, &mut Quiet).is_err());
+            prop_assert!(!session.stands());
             let there = stands(session, scene);
             prop_assert_eq!(there.state(), here.state());
         }

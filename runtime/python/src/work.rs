@@ -267,7 +267,7 @@ impl Work {
     /// The same at a step: one that was begun, or the last one that was solved.
     pub(crate) fn begun(&mut self) -> Result<(&mut Session, &Scene), Vec<Told>> {
         match &self.session {
-            Some(session) if session.has_begun() || !session.steps().is_empty() => self.session(),
+            Some(session) if session.stands() => self.session(),
             _ => Err(Self::not_begun()),
         }
     }

@@ -136,3 +136,12 @@ def test_equations_need_a_step():
     with pytest.raises(wfl.WflError) as caught:
         scene.residual(bad)
     assert caught.value.code == "E612"
+    # a step that is left has no equations, nor has one whose end is no state
+    scene.u = scene.u
+    with pytest.raises(wfl.WflError, match="no step was begun"):
+        scene.residual(np.zeros(scene.n_dofs))
+    scene.begin(0.0)
+    with pytest.raises(wfl.WflError):
+        scene.accept(bad)
+    with pytest.raises(wfl.WflError, match="no step was begun"):
+        scene.tangent(np.zeros(scene.n_dofs))

@@ -30,6 +30,8 @@ pub struct Session {
     pool: Option<ThreadPool>,
     /// The step that [`Self::begin`] has prepared.
     begun: Option<ByCaller>,
+    /// The equations stand at the step that was begun, or at the last one that was done.
+    stands: bool,
 }
 
 /// Where a session has stood: [`Session::go_back`] returns there.
@@ -73,7 +75,7 @@ impl Session {
         let mut equations = scene.equations();
         let run = Run::new(&mut scene.solving(&mut equations), &options, Hash::of(b""))?;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads.max(1)).stack_size(STACK).build().ok();
-        Ok(Self { run, equations, options, pool, begun: None })
+        Ok(Self { run, equations, options, pool, begun: None, stands: false })
     }
 
     /// What the run was told.
@@ -119,9 +121,10 @@ impl Session {
 
     /// Leaves the step that was begun last: nothing of it is left.
     fn leave(&mut self, scene: &Scene) {
-        let Self { run, equations, begun, .. } = self;
+        let Self { run, equations, begun, stands, .. } = self;
         if let Some(begun) = begun.take() {
             begun.leave(&mut run.stepper, &mut scene.solving(equations), &mut run.u);
+            *stands = false;
         }
     }
 
@@ -168,9 +171,11 @@ impl Session {
         progress: &mut dyn Progress,
     ) -> Result<&StepResult, RunError> {
         self.leave(scene);
-        let Self { run, equations, options, pool, .. } = self;
+        self.stands = false;
+        let Self { run, equations, options, pool, stands, .. } = self;
         let solving = &mut scene.solving(equations);
         let step = on(pool.as_ref(), || run.step(solving, request, progress))?;
+        *stands = true;
         progress.step_done(&step);
         run.add(step, solving, options);
         Ok(run.steps.last().expect("added above"))
@@ -200,12 +205,14 @@ impl Session {
             return Err(RunError::NoEquations);
         }
         self.leave(scene);
+        self.stands = false;
         let request = self.request(scene, time);
-        let Self { run, equations, pool, begun, .. } = self;
+        let Self { run, equations, pool, begun, stands, .. } = self;
         let solving = &mut scene.solving(equations);
         let begins = || ByCaller::begin(&mut run.stepper, solving, &mut run.u, request);
         let step = on(pool.as_ref(), begins);
         let step = step.map_err(|error| RunError::Newton { step: request.number, time, error })?;
+        *stands = true;
         Ok(&begun.insert(step).u)
     }
 
@@ -215,8 +222,15 @@ impl Session {
         self.begun.is_some()
     }
 
+    /// True if [`Self::residual`], [`Self::forces`] and [`Self::tangent`] are those of a step: the one that was begun, or the last one that was
+    /// done. Behind a step that was left or came to nothing they are those of none.
+    #[must_use]
+    pub fn stands(&self) -> bool {
+        self.stands
+    }
+
     /// The residual of the equations as they are written, by free dof, in the unit of forces; positive where the inner
-    /// forces exceed the loads. [`Self::begin`] says at which step.
+    /// forces exceed the loads. [`Self::stands`] says whether there is a step.
     ///
     /// # Errors
     /// [`NewtonError::Term`] for a number that is not finite.
@@ -273,9 +287,11 @@ impl Session {
     pub fn accept(&mut self, scene: &Scene, u: &[f64], progress: &mut dyn Progress) -> Result<&StepResult, RunError> {
         let mut begun = self.begun.take().expect("a step was begun");
         begun.u.copy_from_slice(u);
-        let Self { run, equations, options, pool, .. } = self;
+        self.stands = false;
+        let Self { run, equations, options, pool, stands, .. } = self;
         let solving = &mut scene.solving(equations);
         let step = on(pool.as_ref(), || run.step_by(begun, solving, progress))?;
+        *stands = true;
         progress.step_done(&step);
         run.add(step, solving, options);
         Ok(run.steps.last().expect("added above"))
@@ -329,7 +345,7 @@ impl Session {
         run.clock = self.run.clock;
         run.kept = std::mem::take(&mut self.run.kept);
         run.kept.retain(|kept| kept.number < n);
-        (self.run, self.equations, self.begun) = (run, equations, None);
+        (self.run, self.equations, self.begun, self.stands) = (run, equations, None, n > 0);
         Ok(())
     }
 

@@ -566,7 +566,7 @@ class Scene:
 
     def residual(self, u: ArrayLike) -> Array:
         """The equations as they are written at ``u``, shape ``(n_free,)``, a force: zero at a solution. At the step of the
-        last :meth:`begin` or :meth:`solve_step`."""
+        last :meth:`begin` or :meth:`solve_step`; an error where that step was left."""
         return self._native.residual(_vector(u))
 
     def reactions(self, u: ArrayLike) -> Array:
