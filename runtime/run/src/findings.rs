@@ -64,12 +64,7 @@ const CHECKS: &[Check] = &[
         codes: &[Code::W618],
         look: |run| {
             let unestimated = run.run.unestimated(run.scene).filter(|_| run.is_done);
-            let relative = run
-                .run
-                .unresolved(run.scene)
-                .or_else(|| run.run.in_flight(run.scene))
-                .or_else(|| run.run.in_drift(run.scene));
-            run.run.forced(run.scene).into_iter().chain(unestimated).chain(relative).collect()
+            run.run.forced(run.scene).into_iter().chain(unestimated).chain(run.run.beside(run.scene)).collect()
         },
     },
     Check { codes: &[Code::W619], look: |run| run.run.unlimited(run.scene).into_iter().collect() },

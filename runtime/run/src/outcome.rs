@@ -13,7 +13,9 @@ use super::{
     ended::Ended,
     events::episodes,
     files::{StepFiles, write_measures},
-    findings, folder, friction, others, report,
+    findings, folder, friction, others,
+    remembered::Unresolved,
+    report,
 };
 
 /// What a run ends with.
@@ -189,52 +191,41 @@ impl Run {
         Some(d.help("a smaller `first`, well below the shortest time of the scene"))
     }
 
-    /// W618 for a field whose values are too large beside what changes of them: rounding is more than the demanded error.
-    pub(super) fn unresolved(&self, scene: &Solving<'_>) -> Option<Diagnostic> {
+    /// W618 for a field beside whose values, flight or drift the demanded error is much of what else happens to it.
+    pub(super) fn beside(&self, scene: &Solving<'_>) -> Option<Diagnostic> {
         let (rules, adaptive) = scene.steps.auto.as_ref().zip(self.integrators.adaptive.as_ref())?;
-        let found = adaptive.unresolved(scene, rules)?;
-        let name = &scene.system.fields[found.field].name;
-        let text = format!(
-            "of what changes of `{name}` {:.0e} is no error of steps but rounding, more than the demanded {:e}",
-            found.part, rules.error
-        );
-        let d = Diagnostic::new(Code::W618, text).at_or_note(
-            scene.place_of_field(name),
-            "its values, or what cancels in its equations, are too large beside its changes",
-        );
-        Some(d.help("an unknown that is the difference from the start, or a larger `error`"))
-    }
-
-    /// W618 for bodies whose flight is so fast that the demanded part of it is much of what else happens to them.
-    pub(super) fn in_flight(&self, scene: &Solving<'_>) -> Option<Diagnostic> {
-        let (rules, adaptive) = scene.steps.auto.as_ref().zip(self.integrators.adaptive.as_ref())?;
-        let found = adaptive.in_flight(scene, rules)?;
-        let name = &scene.system.fields[found.field].name;
-        let text = format!(
-            "the demanded error of {:e} is one of the flight of `{name}`: a step may miss {:.0e} of what happens beside it",
-            rules.error, found.part
-        );
-        let d = Diagnostic::new(Code::W618, text).at_or_note(
-            scene.place_of_field(name),
-            "nearly all of its change is the uniform motion with which it starts",
-        );
-        Some(d.help("start it at rest, with all that moves beside it, or a smaller `error`"))
-    }
-
-    /// W618 for fields without inertia that drift so fast that the demanded part of it is much of what else happens to them.
-    pub(super) fn in_drift(&self, scene: &Solving<'_>) -> Option<Diagnostic> {
-        let (rules, adaptive) = scene.steps.auto.as_ref().zip(self.integrators.adaptive.as_ref())?;
-        let found = adaptive.in_drift(scene, rules)?;
-        let name = &scene.system.fields[found.field].name;
-        let text = format!(
-            "the demanded error of {:e} is one of the drift of `{name}`: a step has missed about {:.0e} of what happens beside it",
-            rules.error, found.part
-        );
-        let d = Diagnostic::new(Code::W618, text).at_or_note(
-            scene.place_of_field(name),
-            "nearly all of its change is the same everywhere and goes on as it began",
-        );
-        Some(d.help("solve for the difference from the drift, or demand a smaller `error`"))
+        let name = |found: &Unresolved| scene.system.fields[found.field].name.as_str();
+        let (found, text, why, help) = if let Some(found) = adaptive.unresolved(scene, rules) {
+            let text = format!(
+                "of what changes of `{}` {:.0e} is no error of steps but rounding, more than the demanded {:e}",
+                name(&found),
+                found.part,
+                rules.error
+            );
+            let why = "its values, or what cancels in its equations, are too large beside its changes";
+            (found, text, why, "an unknown that is the difference from the start, or a larger `error`")
+        } else if let Some(found) = adaptive.in_flight(scene, rules) {
+            let text = format!(
+                "the demanded error of {:e} is one of the flight of `{}`: a step may miss {:.0e} of what happens beside it",
+                rules.error,
+                name(&found),
+                found.part
+            );
+            let why = "nearly all of its change is the uniform motion with which it starts";
+            (found, text, why, "start it at rest, with all that moves beside it, or a smaller `error`")
+        } else {
+            let found = adaptive.in_drift(scene, rules)?;
+            let text = format!(
+                "the demanded error of {:e} is one of the drift of `{}`: a step has missed about {:.0e} of what happens beside it",
+                rules.error,
+                name(&found),
+                found.part
+            );
+            let why = "nearly all of its change is the same everywhere and goes on as it began";
+            (found, text, why, "solve for the difference from the drift, or demand a smaller `error`")
+        };
+        let d = Diagnostic::new(Code::W618, text).at_or_note(scene.place_of_field(name(&found)), why);
+        Some(d.help(help))
     }
 
     /// W619 for states behind which `limit` was no positive number.
