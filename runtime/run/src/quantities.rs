@@ -4,9 +4,14 @@ use wfl_discrete::{
     finite::{BadMeasure, BadOutput},
     window::Window,
 };
-use wfl_problem::{CsvOutput, Measured, Scene, Solving, StepPlace, Turnover};
+use wfl_problem::{CsvOutput, Measure, Measured, Scene, Solving, StepPlace, Turnover};
 
 use super::{Progress, Run, StepResult, events::Sides};
+
+/// The golden section, whose multiples modulo one have no pattern.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+/// Samples of rounding: one of them may cancel.
+const SAMPLES: u32 = 3;
 
 /// What is measured at the end of a step: the fields of [`StepResult`].
 pub(super) struct Taken {
@@ -43,6 +48,21 @@ impl Run {
         measures.extend(made);
         let moved = asked.iter().filter_map(|measure| measure.moved(&at)).collect();
         Taken { measures, bad: bad_measures, moved }
+    }
+
+    /// What rounding of the unknowns makes of a measure at the present state, in its unit: the largest of a few samples. Made by all ranks
+    /// together.
+    pub(super) fn rounding_of(&self, scene: &Solving<'_>, measure: &Measure) -> f64 {
+        let Some(last) = self.steps.last() else { return 0.0 };
+        let at = |u: &[f64]| measure.evaluate(&Measured::new(scene.system, last.window, u));
+        let here = at(&self.u);
+        let sample = |sample: u32| {
+            #[expect(clippy::cast_precision_loss, reason = "numbers in -1..1 without a pattern")]
+            let number = |k: usize| 2.0 * ((k as f64 + f64::from(sample)) * GOLDEN).fract() - 1.0;
+            let rounded = |(k, x): (usize, &f64)| x * (1.0 + f64::EPSILON * number(k));
+            (at(&self.u.iter().enumerate().map(rounded).collect::<Vec<_>>()) - here).abs()
+        };
+        (1..=SAMPLES).map(sample).fold(0.0, f64::max)
     }
 
     /// The present state, as measures see it.

@@ -105,8 +105,16 @@ pub(super) fn told(scene: &Scene, field: usize, time: f64) -> Diagnostic {
 pub(super) fn measures_told(run: &Ended<'_>) -> Vec<Diagnostic> {
     let Ended { scene, run, .. } = run;
     let rates = scene.system.rates().filter(|rates| rates.scheme().keeps_errors_of_given());
-    let found = rates.and_then(|_| scene.measures.iter().find_map(|m| Some((m, alternates(m, &run.steps)?))));
-    let told = |(measure, (time, size)): (&Measure, (f64, f64))| {
+    let series = |measure: &Measure| -> Vec<(f64, f64)> {
+        let value = |step: &StepResult| step.measures.iter().find(|(name, _)| *name == measure.name).map(|m| m.1);
+        run.steps.iter().filter_map(|step| Some((step.window.end, value(step)?))).collect()
+    };
+    // of a force that is zero what alternates is rounding, which such a rule keeps as it keeps all else
+    let is_seen = |measure: &Measure, found: &Alternation| found.size > ROUNDED * run.rounding_of(scene, measure);
+    let of = |measure: &'_ Measure| alternates(&series(measure)).filter(|found| is_seen(measure, found));
+    let found = rates.and_then(|_| scene.measures.iter().find_map(|measure| Some((measure, of(measure)?))));
+    let told = |(measure, Alternation { time, size, largest }): (&Measure, Alternation)| {
+        let size = size / largest;
         let text = format!(
             "`{}` goes up and down with every step, by {size:.1e} of its largest value to either side at t = {time}",
             measure.name
@@ -122,22 +130,54 @@ pub(super) fn measures_told(run: &Ended<'_>) -> Vec<Diagnostic> {
     found.map(told).into_iter().collect()
 }
 
-/// When a measure has gone up and down with enough steps, and by which part of its largest value.
-fn alternates(measure: &Measure, steps: &[StepResult]) -> Option<(f64, f64)> {
-    let value =
-        |step: &StepResult| step.measures.iter().find(|(name, _)| *name == measure.name).map(|(_, value)| *value);
-    let series: Vec<(f64, f64)> = steps.iter().filter_map(|s| Some((s.window.end, value(s)?))).collect();
+/// A measure that has gone up and down with enough steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Alternation {
+    time: f64,
+    /// To either side, and the largest value.
+    size: f64,
+    largest: f64,
+}
+
+/// Whether a measure, by time, has gone up and down with enough steps.
+fn alternates(series: &[(f64, f64)]) -> Option<Alternation> {
     let largest = series.iter().fold(0.0f64, |most, (_, value)| most.max(value.abs()));
-    // a quarter of the second difference is what alternates beside a line
     let enough = TURNS.max(series.len() / LASTS);
+    // a quarter of the second difference is what alternates beside a line
     let bends = series.windows(3).map(|w| (w[2].0, 0.25 * (w[0].1 - 2.0 * w[1].1 + w[2].1)));
     let (mut in_a_row, mut before) = (0, 0.0f64);
     for (time, bend) in bends {
         let goes_on = bend * before < -KEPT * before * before && bend.abs() > SEEN_OF_MEASURES * largest;
         (in_a_row, before) = (if goes_on { in_a_row + 1 } else { 0 }, bend);
         if in_a_row == enough {
-            return Some((time, bend.abs() / largest));
+            return Some(Alternation { time, size: bend.abs(), largest });
         }
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(n: u32, value: impl Fn(f64, f64) -> f64) -> Option<f64> {
+        let sign = |k: u32| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let series: Vec<(f64, f64)> = (0..n).map(|k| (f64::from(k), value(f64::from(k), sign(k)))).collect();
+        alternates(&series).map(|found| found.size / found.largest)
+    }
+
+    #[test]
+    fn what_alternates_beside_a_motion_is_told_with_its_part() {
+        let part = told(40, |k, sign| (0.1 * k).sin() + 0.06 * sign).expect("it alternates");
+        assert!((part - 0.06).abs() < 0.01, "{part}");
+        assert_eq!(told(40, |k, sign| 5.0 * k + sign), None, "less than a hundredth");
+        assert_eq!(told(40, |k, _| (0.8 * k).sin()), None, "a motion of eight steps");
+    }
+
+    #[test]
+    fn what_a_rule_damps_is_not_told() {
+        assert!(told(20, |k, sign| 1.0 + 0.9f64.powf(k) * sign).is_some(), "it lasts for half of the run");
+        assert_eq!(told(600, |k, sign| 1.0 + 0.9f64.powf(k) * sign), None);
+        assert!(told(600, |_, sign| 1.0 + 0.02 * sign).is_some());
+    }
 }

@@ -182,6 +182,17 @@ fn a_reaction_that_alternates_is_told() {
     };
     let trapezoidal = ran("newmark", "0.1");
     assert!(trapezoidal.code == 0 && trapezoidal.tells("W652"), "{}", trapezoidal.text);
+    // across the motion there is no force, and its rounding alternates as well
+    for (cells, by) in [("[2,2]", "0.2"), ("[4,4]", "0.2")] {
+        let scene = format!(
+            "mesh box [0,0] to [1,1] cells {cells} quad\nunknown u : vector\nterm i on all : 3*Dot2_u.Test_u\n\
+             term s on all : 1e4*Sym(Grad_u):Sym(Grad_Test_u)\nstart Dot_u = [0,1]\nfix u = [0,sin(t)] on boundary\n\
+             scheme newmark\nsteps t = 0 to 6 by {by}\nmeasure R = reaction(u(1)) on boundary\n"
+        );
+        let across = run(&format!("alternates-across-{}", &cells[1..2]), &scene, &[]);
+        across.assert_silent();
+        assert!(across.last("R").abs() < 1e-12, "{}", across.last("R"));
+    }
     for (scheme, by) in [("newmark", "0.01"), ("bdf2", "0.1"), ("bdf2", "0.01")] {
         let ran = ran(scheme, by);
         ran.assert_silent();
