@@ -244,6 +244,23 @@ impl Rows for Blocks<f64> {
     }
 }
 
+impl Rows for Blocks<f32> {
+    fn size(&self) -> usize {
+        self.shape[0]
+    }
+
+    fn n_nodes(&self) -> usize {
+        self.n_rows()
+    }
+
+    fn row<'a>(&'a self, node: usize, buffer: &'a mut RowBuffer) -> (&'a [u32], &'a [f64]) {
+        let (columns, values) = self.row_of(node);
+        buffer.values.clear();
+        buffer.values.extend(values.iter().map(|value| f64::from(*value)));
+        (columns, &buffer.values)
+    }
+}
+
 /// A prolongation, and where the blocks of each of its columns are.
 #[derive(Debug, Clone)]
 pub(super) struct Transfer<T> {

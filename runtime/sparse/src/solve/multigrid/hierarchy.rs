@@ -1,8 +1,8 @@
 //! All levels, and one cycle over them.
 //!
-//! The finest level is of single precision: it is the largest, and a product with it takes as long as its bytes are
-//! read. Coarser ones are of double precision, since the softest motions of thin bodies, far below the rounding of
-//! single precision, must survive there. The coarsest is factored.
+//! Matrices of levels are stored in single precision: a product takes as long as their bytes are read. Each is made from
+//! the one above in double precision before it is rounded, since the softest motions of thin bodies, far below the rounding of
+//! single precision, must reach the coarsest, which is factored in double precision.
 //!
 //! Promises: a cycle is the same operator every time, up to rounding, with the same bits for any number of threads; a
 //! symmetric one where no changing part was taken in.
@@ -45,7 +45,7 @@ struct Step<T, A> {
 }
 
 /// A level between the finest and the coarsest.
-type Middle = Step<f64, Blocks<f64>>;
+type Middle = Step<f64, Blocks<f32>>;
 
 /// The levels of a matrix.
 pub(super) struct Hierarchy {
@@ -100,7 +100,7 @@ impl Hierarchy {
     /// # Errors
     /// [`SolveError::NotPositiveDefinite`] with an unknown of some level, [`SolveError::TooMuchMemory`].
     pub(super) fn new(matrix: &NodeRows<'_>, layout: &NodeLayout) -> Result<Self, SolveError> {
-        Self::down_to(COARSEST, matrix, layout)
+        Ok(Self::down_to(COARSEST, matrix, layout)?.0)
     }
 
     /// Makes the levels of a matrix `constant` and room in each of them for another part, with blocks where `changing` has
@@ -113,19 +113,24 @@ impl Hierarchy {
         changing: &Blocks<f64>,
         layout: &NodeLayout,
     ) -> Result<Self, SolveError> {
-        let mut this = Self::down_to(COARSEST_OF_ANY, constant, layout)?;
-        this.make_room(constant, changing)?;
+        let (mut this, coarsest) = Self::down_to(COARSEST_OF_ANY, constant, layout)?;
+        this.make_room(constant, &coarsest, changing)?;
         Ok(this)
     }
 
-    /// The levels of a matrix; so many unknowns are factored.
-    fn down_to(most_unknowns: usize, matrix: &NodeRows<'_>, layout: &NodeLayout) -> Result<Self, SolveError> {
+    /// The levels of a matrix, and the coarsest matrix; so many unknowns are factored.
+    fn down_to(
+        most_unknowns: usize,
+        matrix: &NodeRows<'_>,
+        layout: &NodeLayout,
+    ) -> Result<(Self, Blocks<f64>), SolveError> {
         let k = layout.n_modes();
         let size = matrix.n_nodes() * matrix.size();
         if size <= most_unknowns {
             let mut coarsest = Coarsest::new(matrix)?;
             let softest = coarsest.softest_motion()?;
-            return Ok(Self { finest: None, middle: Vec::new(), coarsest, sizes: vec![size], softest, room: None });
+            let this = Self { finest: None, middle: Vec::new(), coarsest, sizes: vec![size], softest, room: None };
+            return Ok((this, Blocks::rounded(matrix)?));
         }
         let level = Level::new(Finest::stored(matrix)?, &inverted_diagonal(matrix)?);
         let largest = level.largest;
@@ -156,18 +161,19 @@ impl Hierarchy {
         let a = Blocks::rounded(&NodeRows::of_coarser(&matrix, &coarser, size, scale))?;
         drop(coarser);
         let how = Aggregation { k, threshold: WEAK, coarsest: COARSEST };
-        Self::below(finest, a, modes, how, &|| Ok(first().transfer))
+        Ok(Self::below(finest, a, modes, how, &|| Ok(first().transfer))?.0)
     }
 
-    /// The levels below the finest one: the matrix of the first of them with its near null space. `again` makes the prolongation
-    /// from there in double precision, which a motion without energy needs and a cycle does not.
+    /// The levels below the finest one, and the coarsest matrix: `a` is the matrix of the first of them, `modes` its near null
+    /// space. `again` makes the prolongation from there in double precision, which a motion without energy needs and a cycle
+    /// does not.
     fn below(
         finest: Step<f32, Finest>,
         mut a: Blocks<f64>,
         mut modes: Vec<f64>,
         how: Aggregation,
         again: &dyn Fn() -> Result<Transfer<f64>, SolveError>,
-    ) -> Result<Self, SolveError> {
+    ) -> Result<(Self, Blocks<f64>), SolveError> {
         let Aggregation { k, mut threshold, coarsest: most_unknowns } = how;
         let mut sizes = vec![finest.level.a.n_unknowns()];
         let (mut middle, mut coarsest): (Vec<Middle>, _) = (Vec::new(), None);
@@ -181,9 +187,9 @@ impl Hierarchy {
                 break;
             }
             let inverse = inverted_diagonal(&a)?;
-            let level = Level::new(a, &inverse);
-            let next = smoothed(&level.a, &groups, &modes, k, &inverse, level.largest)?;
-            a = galerkin(&level.a, &next.transfer);
+            let level = Level::new(Blocks::rounded(&a)?, &inverse);
+            let next = smoothed(&a, &groups, &modes, k, &inverse, level.largest)?;
+            a = galerkin(&a, &next.transfer);
             modes = next.modes;
             middle.push(Step::new(level, next.transfer));
         }
@@ -197,18 +203,18 @@ impl Hierarchy {
                 *motion = finer;
             }
         }
-        Ok(Self { finest: Some(finest), middle, coarsest, sizes, softest, room: None })
+        Ok((Self { finest: Some(finest), middle, coarsest, sizes, softest, room: None }, a))
     }
 
-    /// Widens the matrices of the levels by a part that changes.
-    fn make_room(&mut self, constant: &NodeRows<'_>, changing: &Blocks<f64>) -> Result<(), SolveError> {
+    /// Widens the matrices of the levels, and the coarsest one, by a part that changes.
+    fn make_room(
+        &mut self,
+        constant: &NodeRows<'_>,
+        coarsest: &Blocks<f64>,
+        changing: &Blocks<f64>,
+    ) -> Result<(), SolveError> {
         let mut levels = Vec::new();
         let mut part = changing.clone();
-        let coarsest = match (&mut self.finest, self.middle.last()) {
-            (None, _) => Blocks::rounded(constant)?,
-            (Some(finest), None) => galerkin(constant, &finest.transfer),
-            (_, Some(last)) => galerkin(&last.level.a, &last.transfer),
-        };
         if let Some(finest) = &mut self.finest {
             let whole = widened(constant, &part, &mut levels)?;
             finest.level.a = Finest::Stored(whole);
@@ -218,7 +224,7 @@ impl Hierarchy {
             step.level.a = widened(&step.level.a, &part, &mut levels)?;
             part = galerkin_of_any(&part, &step.transfer);
         }
-        let coarsest = widened(&coarsest, &part, &mut levels)?;
+        let coarsest = widened(coarsest, &part, &mut levels)?;
         self.coarsest = Coarsest::of_any(&coarsest)?;
         self.room = Some(Room { levels, coarsest });
         Ok(())

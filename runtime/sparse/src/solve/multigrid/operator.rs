@@ -147,7 +147,7 @@ impl Applied {
     }
 }
 
-impl<T: Real> Product<T> for Blocks<T> {
+impl<T: Real, X: Real> Product<X> for Blocks<T> {
     fn size(&self) -> usize {
         self.shape[0]
     }
@@ -160,7 +160,7 @@ impl<T: Real> Product<T> for Blocks<T> {
         self.bytes()
     }
 
-    fn for_each_row(&mut self, x: &[T], out: &mut [T], then: impl Fn(usize, &[T], &mut [T]) + Sync) {
+    fn for_each_row(&mut self, x: &[X], out: &mut [X], then: impl Fn(usize, &[X], &mut [X]) + Sync) {
         Self::for_each_row(self, x, out, then);
     }
 }
