@@ -57,8 +57,12 @@ impl Block {
         let topology = Topology::new(&mesh).unwrap();
         let all: Vec<_> = mesh.cells().collect();
         let space = Space::on_cells(&mesh, &topology, &all, 1, Family::Continuous).unwrap();
-        let field =
-            Field { name: "u".to_owned(), kind: FieldKind::Unknown, n_components: 2, space: FieldSpace::Nodal(space) };
+        let field = Field {
+            name: "u".to_owned(),
+            kind: FieldKind::Unknown,
+            n_components: 2,
+            space: FieldSpace::Nodal(space.into()),
+        };
         let fields = vec![field];
         let mut numbering = Numbering::new(&fields, |_| true);
         numbering

@@ -8,7 +8,7 @@ use wfl_compiler::types::{FieldKind, Side};
 use crate::{
     domain::{Group, GroupSide, table_of_each},
     point_space::PointSpace,
-    space::{Space, Support},
+    space::{NodeList, Space, Support},
 };
 use wfl_mesh::{
     element::{Element, Table},
@@ -17,10 +17,9 @@ use wfl_mesh::{
 
 /// Where a field has its nodes.
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "a scene has few fields")]
 pub enum FieldSpace {
     /// Nodes of a space on cells or facets.
-    Nodal(Space),
+    Nodal(Arc<Space>),
     /// One node: one value for the whole scene.
     Global,
     /// One node at each integration point of a region.
@@ -68,7 +67,7 @@ pub struct Tabulated {
     /// Of a field on facets: derivatives of the reference point of the cell in those parameters.
     pub tangents: Option<[[f64; 3]; 2]>,
     /// `nodes[entity * n_nodes + i]`
-    pub nodes: Vec<u32>,
+    pub nodes: NodeList,
     /// Where entities are points: by entity its row of the table; else empty.
     pub rows: Arc<[u32]>,
     /// By entity how many of its nodes are its own, the others stand in; empty where all are.
@@ -221,13 +220,13 @@ impl Field {
         if let FieldSpace::Points(space) = &self.space {
             let found = if side == Side::Here && order == 0 { space.tabulate(mesh.dim(), group) } else { None };
             let (table, nodes) = found.ok_or_else(|| FieldError::OtherPoints { field: self.name.clone() })?;
-            return Ok(Tabulated { table, nodes, rows: group.one_row(), ..Tabulated::default() });
+            return Ok(Tabulated { table, nodes: nodes.into(), rows: group.one_row(), ..Tabulated::default() });
         }
         let FieldSpace::Nodal(space) = &self.space else {
             let points = group.n_points();
             let table =
                 Table { n_points: points, n_dofs: 1, dim: mesh.dim(), values: vec![1.0; points], ..Table::default() };
-            return Ok(Tabulated { table, nodes: vec![0; n], rows: group.one_row(), ..Tabulated::default() });
+            return Ok(Tabulated { table, nodes: vec![0; n].into(), rows: group.one_row(), ..Tabulated::default() });
         };
         if side == Side::There && group.own.is_some() {
             return self.tabulate_images(mesh, group.side(side), space, order);
@@ -235,28 +234,23 @@ impl Field {
         let rows = Arc::clone(&group.side(side).rows);
         let data = group.side(side);
         let edge = if side == Side::Here { group.edge } else { group.edge_there };
+        if matches!(space.support(), Support::Cells(_)) {
+            return self.tabulate_on_cells(data, space, order);
+        }
         let mut all = None;
         for k in 0..n {
             let facet = data.facets.get(k);
             let found = match space.support() {
-                Support::Cells(_) => {
-                    let position = space.position_of_cell(data.cells[k]);
-                    position.map(|p| (space.element_at(p), space.entity_nodes(p)))
-                }
+                Support::Cells(_) => None,
                 Support::Facets(_) => facet.and_then(|f| space.on_facet(*f)),
                 Support::Edges(_) => facet.zip(edge).and_then(|(f, edge)| space.on_edge(*f, edge.local)),
             };
-            let Some((of_entity, its_nodes)) = found else {
-                let cell = data.cells[k].index();
-                return Err(FieldError::NotHere { field: self.name.clone(), place: format!("cell {cell}") });
-            };
+            let (of_entity, its_nodes) = found.ok_or_else(|| self.not_here(data.cells[k]))?;
             let (_, nodes) = all.get_or_insert_with(|| (of_entity, Vec::with_capacity(n * its_nodes.len())));
             nodes.extend_from_slice(its_nodes);
         }
         let Some((element, nodes)) = all else { return Ok(Tabulated::default()) };
-        if matches!(space.support(), Support::Cells(_)) {
-            return Ok(Tabulated { table: element.tabulate(&data.points, order), nodes, rows, ..Tabulated::default() });
-        }
+        let nodes = NodeList::from(nodes);
         // the points of the other side are those of this one in the parameters of its own facets
         let map = data.facet_map();
         let parameters = match side {
@@ -273,6 +267,21 @@ impl Field {
         let tangents = [direction(data.kind, facet, usize::from(edge.local)), [0.0; 3]];
         let (table, tangents) = (element.tabulate(&parameters, order), Some(tangents));
         Ok(Tabulated { table, tangents, nodes, rows, ..Tabulated::default() })
+    }
+
+    fn not_here(&self, cell: CellId) -> FieldError {
+        FieldError::NotHere { field: self.name.clone(), place: format!("cell {}", cell.index()) }
+    }
+
+    /// The same for a field on cells.
+    fn tabulate_on_cells(&self, data: &GroupSide, space: &Space, order: usize) -> Result<Tabulated, FieldError> {
+        let Some(first) = data.cells.first() else { return Ok(Tabulated::default()) };
+        let (Some(element), Some(nodes)) = (space.element(data.kind), space.nodes_of_cells(&data.cells)) else {
+            let lacks = |cell: &&CellId| space.position_of_cell(**cell).is_none();
+            return Err(self.not_here(*data.cells.iter().find(lacks).unwrap_or(first)));
+        };
+        let (table, rows) = (element.tabulate(&data.points, order), Arc::clone(&data.rows));
+        Ok(Tabulated { table, nodes, rows, ..Tabulated::default() })
     }
 
     /// The same for the images of points, each in a cell of its own.
@@ -292,12 +301,8 @@ impl Field {
             Support::Facets(_) => images.facets.get(k).and_then(|facet| space.on_facet(*facet)),
             Support::Edges(_) => None,
         };
-        let missing = |k: usize| {
-            let place = format!("cell {}", images.cells[k].index());
-            FieldError::NotHere { field: self.name.clone(), place }
-        };
         let found: Vec<(&Element, &[u32])> =
-            (0..n).map(|k| place(k).ok_or_else(|| missing(k))).collect::<Result<_, _>>()?;
+            (0..n).map(|k| place(k).ok_or_else(|| self.not_here(images.cells[k]))).collect::<Result<_, _>>()?;
         let width = found.iter().map(|(_, nodes)| nodes.len()).max().unwrap_or(0);
         let mut nodes = Vec::with_capacity(n * width);
         for (_, own) in &found {
@@ -307,7 +312,7 @@ impl Field {
         let counts: Vec<u16> = found.iter().map(|f| u16::try_from(f.1.len()).expect("few functions")).collect();
         let are_all = counts.iter().all(|count| usize::from(*count) == width);
         let counts = if are_all { Vec::new() } else { counts };
-        let rows = Arc::clone(&images.rows);
+        let (rows, nodes) = (Arc::clone(&images.rows), NodeList::from(nodes));
         let element = |k: usize| found[k].0;
         if matches!(space.support(), Support::Cells(_)) {
             let table = table_of_each(n, element, |k| images.points[k], order);

@@ -6,13 +6,15 @@
 //! number, those inside a quadrilateral from its lowest vertex, first towards the lower neighbour). Does not know components, values or constraints.
 
 mod mesh_nodes;
+mod node_list;
 mod part;
 mod split;
 
+pub use node_list::NodeList;
 use part::OfWhole;
 pub use part::SpacePart;
 
-use std::collections::BTreeSet;
+use std::{collections::BTreeSet, sync::Arc};
 
 use wfl_mesh::element::{DofEntity, Element, ElementError, Family};
 use wfl_mesh::mesh::{CellId, CellKind, EdgeTable, FaceEdge, FacetId, FacetRef, Mesh, NodeId, Topology};
@@ -38,7 +40,7 @@ pub struct Space {
     support: Support,
     kinds: Vec<CellKind>,
     starts: Vec<usize>,
-    nodes: Vec<u32>,
+    nodes: Arc<Vec<u32>>,
     coordinates: Vec<[f64; 3]>,
     /// Position of each cell of the mesh; empty for a space on facets.
     position_of_cell: Vec<u32>,
@@ -160,7 +162,7 @@ impl Space {
             support,
             kinds,
             starts: vec![0],
-            nodes: Vec::new(),
+            nodes: Arc::default(),
             coordinates: Vec::new(),
             position_of_cell: Vec::new(),
             position_of_facet: Vec::new(),
@@ -195,15 +197,17 @@ impl Space {
                 Some(geometry.tabulate(element.points(), 0))
             })
             .collect();
-        let elements = std::mem::take(&mut self.elements);
+        let (elements, mut nodes) = (std::mem::take(&mut self.elements), Vec::new());
         for position in 0..self.kinds.len() {
             let kind = self.kinds[position].index();
             let (Some(element), Some(table)) = (&elements[kind], &tables[kind]) else {
                 unreachable!("there is an element for every kind of the support");
             };
-            self.number_position(context, position, element, table);
+            self.number_position(context, position, element, table, &mut nodes);
         }
-        self.elements = elements;
+        nodes.shrink_to_fit();
+        self.coordinates.shrink_to_fit();
+        (self.elements, self.nodes) = (elements, Arc::new(nodes));
     }
 
     fn index_positions(&mut self, mesh: &Mesh) {
@@ -231,6 +235,7 @@ impl Space {
         position: usize,
         element: &Element,
         table: &wfl_mesh::element::Table,
+        nodes: &mut Vec<u32>,
     ) {
         let mut own = NONE;
         for (dof, entity) in element.entities().iter().enumerate() {
@@ -240,7 +245,7 @@ impl Space {
                 Support::Edges(edges) => context.edge_key(edges[position], *entity),
             };
             let node = self.numbering.node(key, &mut own);
-            self.nodes.push(node);
+            nodes.push(node);
             if node as usize >= self.coordinates.len() {
                 self.coordinates.resize(node as usize + 1, [f64::NAN; 3]);
             }
@@ -252,7 +257,7 @@ impl Space {
                 };
             }
         }
-        self.starts.push(self.nodes.len());
+        self.starts.push(nodes.len());
     }
 
     /// Polynomial degree.

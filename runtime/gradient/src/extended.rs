@@ -75,7 +75,8 @@ fn is_moved(script: &ResolvedScript, live: &[Live]) -> bool {
 fn of_motion(scene: &Scene) -> Result<[(Field, FieldSig); 3], ElementError> {
     let (mesh, kind) = (&scene.system.mesh, FieldKind::Data);
     let (dim, cells) = (mesh.dim(), mesh.cells().collect::<Vec<CellId>>());
-    let space = |degree, family| Space::on_cells(mesh, &scene.topology, &cells, degree, family).map(FieldSpace::Nodal);
+    let on_cells = |degree, family| Space::on_cells(mesh, &scene.topology, &cells, degree, family);
+    let space = |degree, family| on_cells(degree, family).map(|space| FieldSpace::Nodal(space.into()));
     let of = |name: &str, shape: Shape, degree: usize, space: FieldSpace| {
         let (name, global) = (name.to_owned(), matches!(space, FieldSpace::Global));
         let field = Field { name: name.clone(), kind, n_components: shape.len(), space };

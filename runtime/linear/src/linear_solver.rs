@@ -151,7 +151,7 @@ impl LinearSolver {
         if saddle::is_chosen(system, method, solutions) {
             return self.iterate_on_flow(system);
         }
-        match self.choose_factors(&Factors::of(system, &self.coordinates)) {
+        match self.choose_factors(&Factors::of(system)) {
             Err(SolveError::TooMuchMemory(_))
                 if method == LinearMethod::Auto && filtered::serves_linear_bodies(system) =>
             {
@@ -182,7 +182,7 @@ impl LinearSolver {
         (self.equations, self.solver) = (None, None);
         self.equations = Some(Arc::new(library::equations(system)));
         if self.options.library.is_none() {
-            self.spare = Some(Box::new(Factors::of(system, &self.coordinates)));
+            self.spare = Some(Box::new(Factors::of(system)));
         }
     }
 
@@ -552,7 +552,7 @@ impl LinearSolver {
 /// Whether the condensed matrix is large enough that dofs which face each other share an unknown, and there are some.
 pub fn shares_forces(system: &System) -> bool {
     let large = condenses(system) && system.n_changing_dofs() > DENSE_LIMIT && system.uses(Pruning::Forces);
-    large && !facing(system, &positions(system)).is_empty()
+    large && !facing(system).is_empty()
 }
 
 /// Where the free dofs are, in their order.
@@ -573,17 +573,25 @@ fn at_points(system: &System) -> Vec<u32> {
 
 /// Free dofs of unknown fields that are the only two of their component at one point: those that face each other across
 /// an interface.
-fn facing(system: &System, coordinates: &[[f64; 3]]) -> Vec<(u32, u32)> {
-    let mut keyed: Vec<([u64; 3], usize, usize, u32)> = Vec::new();
-    for (free, dof) in (0..).zip(&system.numbering.free_dofs) {
-        let (field, _, component) = system.numbering.describe(&system.fields, *dof as usize);
-        if system.fields[field].kind == FieldKind::Unknown {
-            // Adding zero takes the sign off a zero.
-            let place = coordinates[free as usize].map(|x| (x + 0.0).to_bits());
-            keyed.push((place, system.fields[field].n_components, component, free));
+fn facing(system: &System) -> Vec<(u32, u32)> {
+    // by node of an unknown field: where it is, its components, its first dof
+    let mut nodes: Vec<([u64; 3], usize, usize)> = Vec::new();
+    for (k, field) in system.fields.iter().enumerate().filter(|(_, field)| field.kind == FieldKind::Unknown) {
+        for (node, first) in system.range(k).into_iter().flat_map(|dofs| dofs.step_by(field.n_components)).enumerate() {
+            // adding zero takes the sign off a zero
+            nodes.push((field.node_position(node).map(|x| (x + 0.0).to_bits()), field.n_components, first));
         }
     }
-    keyed.sort_unstable();
-    let alike = keyed.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2));
-    alike.filter(|group| group.len() == 2).map(|group| (group[0].3, group[1].3)).collect()
+    nodes.sort_unstable();
+    let free = |dof: usize| Some(system.numbering.free[dof]).filter(|free| *free != FIXED);
+    let mut pairs = Vec::new();
+    for alike in nodes.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        for component in 0..alike[0].1 {
+            let mut free = alike.iter().filter_map(|node| free(node.2 + component));
+            if let (Some(a), Some(b), None) = (free.next(), free.next(), free.next()) {
+                pairs.push((a.min(b), a.max(b)));
+            }
+        }
+    }
+    pairs
 }

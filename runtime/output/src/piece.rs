@@ -39,7 +39,7 @@ pub struct Item {
 
 /// Points and items of a piece; made once, sampled at each step.
 pub struct SampledPiece {
-    space: Space,
+    space: Arc<Space>,
     cells: Cells,
     domain: Arc<Domain>,
     items: Vec<Item>,
@@ -120,16 +120,14 @@ impl SampledPiece {
         support: &SupportSet,
         degree: usize,
     ) -> Result<Self, PieceError> {
-        let mut space = match support {
-            SupportSet::Cells(cells) => Space::on_cells(mesh, topology, cells, degree, Family::Continuous)?,
-            SupportSet::Facets(facets) => Space::on_facets(mesh, topology, facets, degree, Family::Continuous)?,
-            SupportSet::Interface(pairs) => {
-                let facets: Vec<FacetRef> = pairs.iter().map(|p| p.here).collect();
-                Space::on_facets(mesh, topology, &facets, degree, Family::Continuous)?
+        let space = match of_a_field(fields, support, degree) {
+            Some(space) => space,
+            None => {
+                let mut space = space_on(mesh, topology, support, degree)?;
+                split_as(&mut space, topology, fields);
+                Arc::new(space)
             }
-            SupportSet::Edges(edges) => Space::on_edges(mesh, topology, edges)?,
         };
-        split_as(&mut space, topology, fields);
         let rule = |kind: CellKind| {
             let points = space.element(kind).map(|e| e.points().to_vec()).unwrap_or_default();
             Rule { kind, degree: 0, weights: vec![1.0; points.len()], points }
@@ -280,6 +278,35 @@ impl Item {
             sum.iter_mut().for_each(|s| *s /= size);
         }
         sums
+    }
+}
+
+/// The space of a field that has the nodes of a piece: on the same cells, of its degree, and split where any field is.
+fn of_a_field(fields: &[Field], support: &SupportSet, degree: usize) -> Option<Arc<Space>> {
+    let SupportSet::Cells(cells) = support else { return None };
+    let nodal = || {
+        fields.iter().filter_map(|field| match &field.space {
+            FieldSpace::Nodal(space) => Some(space),
+            FieldSpace::Global | FieldSpace::Points(_) => None,
+        })
+    };
+    let is_same = |space: &&Arc<Space>| {
+        (space.degree(), space.family()) == (degree, Family::Continuous)
+            && matches!(space.support(), Support::Cells(own) if own == cells)
+            && nodal().filter(|other| other.is_split()).all(|other| other.torn() == space.torn())
+    };
+    nodal().find(is_same).cloned()
+}
+
+fn space_on(mesh: &Mesh, topology: &Topology, support: &SupportSet, degree: usize) -> Result<Space, ElementError> {
+    match support {
+        SupportSet::Cells(cells) => Space::on_cells(mesh, topology, cells, degree, Family::Continuous),
+        SupportSet::Facets(facets) => Space::on_facets(mesh, topology, facets, degree, Family::Continuous),
+        SupportSet::Interface(pairs) => {
+            let facets: Vec<FacetRef> = pairs.iter().map(|p| p.here).collect();
+            Space::on_facets(mesh, topology, &facets, degree, Family::Continuous)
+        }
+        SupportSet::Edges(edges) => Space::on_edges(mesh, topology, edges),
     }
 }
 

@@ -82,7 +82,8 @@ impl FieldMaker<'_> {
         };
         let degree = space.degree();
         let on_faces = !matches!(space.support(), Support::Cells(_));
-        let field = Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space) };
+        let field =
+            Field { name: name.clone(), kind, n_components: shape.len(), space: FieldSpace::Nodal(space.into()) };
         Some((field, FieldSig { name, shape, degree, kind, global: false, on_faces }))
     }
 

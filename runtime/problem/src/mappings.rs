@@ -393,7 +393,7 @@ fn moving_points(
     search: ImageSearch,
 ) -> Option<Arc<Domain>> {
     let follows = |field: FieldId| match &fields[field.index()].space {
-        FieldSpace::Nodal(space) => Some(Follows { field: field.index(), space: space.clone() }),
+        FieldSpace::Nodal(space) => Some(Follows { field: field.index(), space: Arc::clone(space) }),
         FieldSpace::Global | FieldSpace::Points(_) => None,
     };
     let bodies = [follows(moves.here)?, follows(moves.there)?];

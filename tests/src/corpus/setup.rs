@@ -248,8 +248,12 @@ impl Setup {
                 let space = Space::on_cells(&self.mesh, topology, &cells, degree, Family::Continuous)
                     .map_err(|e| e.to_string())?;
                 let shape = vector_or_scalar(*components);
-                let field =
-                    Field { name: name.clone(), kind, n_components: *components, space: FieldSpace::Nodal(space) };
+                let field = Field {
+                    name: name.clone(),
+                    kind,
+                    n_components: *components,
+                    space: FieldSpace::Nodal(space.into()),
+                };
                 let values = self.nodal(&field, values)?;
                 self.push(field, FieldSig { name, shape, degree, kind, global: false, on_faces: false }, values);
             }

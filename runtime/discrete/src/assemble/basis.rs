@@ -10,6 +10,7 @@ use crate::{
     assemble::simd::Lanes,
     domain::Group,
     field::{Field, FieldError},
+    space::NodeList,
 };
 use wfl_mesh::{element::Table, mesh::Mesh};
 
@@ -37,7 +38,7 @@ pub struct Basis {
     /// Highest derivative that a slot reads.
     pub order: usize,
     /// Node numbers: `nodes[entity * n_nodes + i]`.
-    pub nodes: Vec<u32>,
+    pub nodes: NodeList,
     /// Where its dofs start among the local dofs of the law.
     pub offset: usize,
     /// Functions whose value is not zero (to rounding) at all points: those of the nodes on the facet, as a rule.
@@ -198,7 +199,7 @@ impl Basis {
             counts: Vec::new(),
             own_tangents: Vec::new(),
             order: 0,
-            nodes: nodes.to_vec(),
+            nodes: NodeList::from(nodes.to_vec()),
             offset,
             support: vec![0],
             starts: Starts::default(),

@@ -303,7 +303,7 @@ mod tests {
         let base = Domain::new(&mesh, &sole, &|kind| gauss(kind, 3).unwrap()).unwrap();
         let follows = |field: usize, cells: &[CellId]| Follows {
             field,
-            space: Space::on_cells(&mesh, &topology, cells, 2, Family::Continuous).unwrap(),
+            space: Space::on_cells(&mesh, &topology, cells, 2, Family::Continuous).unwrap().into(),
         };
         let search = ImageSearch { by: ImageBy::Closest, reach: 0.5, pieces: None };
         let points = MovingPoints::new(&mesh, &base, &floor, [follows(0, &above), follows(1, &below)], search);

@@ -40,7 +40,7 @@ pub struct Follows {
     /// Number of the field.
     pub field: usize,
     /// Its nodes.
-    pub space: Space,
+    pub space: Arc<Space>,
 }
 
 /// A point with what its ray is made of.
@@ -137,7 +137,7 @@ impl MovingPoints {
             points.list.extend(made?);
             points.groups.push(group.of_points(places.into_iter()));
         }
-        let targets = Targets::new(mesh, onto, there.space.clone(), search)?;
+        let targets = Targets::new(mesh, onto, Arc::clone(&there.space), search)?;
         limit_by_thickness(mesh, &targets, &mut points.list);
         let facets = points.groups.iter().flat_map(|group| group.here.facets.iter().copied()).collect();
         let pieces = match search.pieces {

@@ -140,12 +140,12 @@ impl Pieces {
     pub(super) fn new(
         mesh: &Mesh,
         facets: Vec<FacetRef>,
-        space: &Space,
+        space: &Arc<Space>,
         targets: &Targets,
         degree: usize,
     ) -> Result<Self, QuadratureError> {
         let margins = vec![[0.0; 4]; facets.len()];
-        let here = CutFaces::new(mesh, facets, Some(space.clone()), margins);
+        let here = CutFaces::new(mesh, facets, Some(Arc::clone(space)), margins);
         Ok(Self { here, there: targets.cutting(mesh), rule: rule_of_pieces(mesh.dim(), degree)? })
     }
 

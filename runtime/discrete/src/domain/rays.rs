@@ -6,7 +6,7 @@
 //! closed by a tolerance, free borders are extended by a small part of a face, so that points of borders that coincide do
 //! not fall beside. Promises: no memory of earlier hits. Does not know where rays come from.
 
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 
 use nalgebra::{Matrix2, Matrix3, Vector3};
 
@@ -103,7 +103,7 @@ pub struct ImageSearch {
 #[derive(Clone, Debug)]
 pub(super) struct Targets {
     pub(super) list: Vec<Target>,
-    pub(super) space: Space,
+    pub(super) space: Arc<Space>,
     pub(super) faces: Faces,
     by: ImageBy,
     pub(super) reach: f64,
@@ -152,7 +152,7 @@ fn sides(mesh: &Mesh, facet: FacetRef) -> [Vec<usize>; 4] {
 
 impl Targets {
     /// Images on `facets`; `None` where the displacement does not live behind one of them.
-    pub(super) fn new(mesh: &Mesh, facets: &[FacetRef], space: Space, search: ImageSearch) -> Option<Self> {
+    pub(super) fn new(mesh: &Mesh, facets: &[FacetRef], space: Arc<Space>, search: ImageSearch) -> Option<Self> {
         let mut faces_at: BTreeMap<Vec<usize>, usize> = BTreeMap::new();
         for side in facets.iter().flat_map(|facet| sides(mesh, *facet)) {
             *faces_at.entry(side).or_default() += 1;

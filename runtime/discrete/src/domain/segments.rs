@@ -8,6 +8,8 @@
 //! of subdivision. Where several sheets lie opposite the nearest counts. Promises: a function of the places of both sides
 //! alone, without a branch for faces that are plane. Does not know where images are: the points are placed here, no more.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix2, Vector2, Vector3};
 
 use super::{
@@ -47,7 +49,7 @@ pub(super) struct CutPoint {
 pub(super) struct CutFaces {
     facets: Vec<FacetRef>,
     /// The displacement that moves them, if one does.
-    space: Option<Space>,
+    space: Option<Arc<Space>>,
     /// They are curved, so that each is cut as several parts.
     is_curved: bool,
     /// By face and side of its reference facet: by how much of the face it is extended there.
@@ -119,8 +121,8 @@ fn first_two(p: &[f64; 3]) -> [f64; 2] {
 
 impl CutFaces {
     /// The faces where they are in the mesh, or moved by a displacement; by face how far they are extended at their sides.
-    pub(super) fn new(mesh: &Mesh, facets: Vec<FacetRef>, space: Option<Space>, margins: Vec<[f64; 4]>) -> Self {
-        let degree = space.as_ref().map_or(1, Space::degree).max(mesh.order());
+    pub(super) fn new(mesh: &Mesh, facets: Vec<FacetRef>, space: Option<Arc<Space>>, margins: Vec<[f64; 4]>) -> Self {
+        let degree = space.as_ref().map_or(1, |space| space.degree()).max(mesh.order());
         Self { facets, space, is_curved: degree > 1, margins }
     }
 
@@ -472,6 +474,6 @@ impl Targets {
     pub(super) fn cutting(&self, mesh: &Mesh) -> CutFaces {
         let free = |margin: f64| if margin > CLOSED { margin } else { 0.0 };
         let margins = self.list.iter().map(|target| target.margins.map(free)).collect();
-        CutFaces::new(mesh, self.facets().collect(), Some(self.space.clone()), margins)
+        CutFaces::new(mesh, self.facets().collect(), Some(Arc::clone(&self.space)), margins)
     }
 }

@@ -2,6 +2,8 @@
 //!
 //! Promises: nodes are those of the space on the whole mesh, in its order, also where a split ends on another rank.
 
+use std::sync::Arc;
+
 use super::{Context, Element, ElementError, Entity, Family, Numbering, Space, Support};
 use wfl_mesh::mesh::{CellKind, FaceEdge, FacetRef, Mesh, PlacesInPart, Topology};
 use wfl_sparse::index::NONE;
@@ -75,7 +77,7 @@ impl Space {
         numbers.sort_unstable();
         numbers.dedup();
         let place = |node: &u32| numbers.partition_point(|n| n < node) as u32;
-        space.nodes = nodes.iter().map(place).collect();
+        space.nodes = Arc::new(nodes.iter().map(place).collect());
         for position in 0..space.kinds.len() {
             let end = space.starts[position] + space.element_at(position).n_dofs();
             space.starts.push(end);

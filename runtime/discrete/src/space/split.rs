@@ -3,7 +3,10 @@
 //! The cells around a node form groups that are connected through faces without a split. Each group gets its own node:
 //! one at the end of a crack (the field stays continuous), two along it, four where cracks cross.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 use super::{Family, Space, Support};
 use wfl_mesh::mesh::{FacetId, FacetRef, Topology};
@@ -17,6 +20,8 @@ impl Space {
         }
         let torn: BTreeSet<FacetId> = facets.iter().map(|f| topology.facet_id(*f)).collect();
         let holders = self.holders(&self.nodes_of_closures(facets));
+        let mut nodes = std::mem::take(&mut self.nodes);
+        let of_positions = Arc::make_mut(&mut nodes);
         for (node, positions) in holders {
             let groups = self.groups(topology, &torn, &positions);
             for group in &groups[1..] {
@@ -24,7 +29,7 @@ impl Space {
                 self.coordinates.push(self.coordinates[node as usize]);
                 self.copies.push((node, copy));
                 for position in group {
-                    for slot in &mut self.nodes[self.starts[*position]..self.starts[*position + 1]] {
+                    for slot in &mut of_positions[self.starts[*position]..self.starts[*position + 1]] {
                         if *slot == node {
                             *slot = copy;
                         }
@@ -32,6 +37,7 @@ impl Space {
                 }
             }
         }
+        self.nodes = nodes;
         self.copies.sort_unstable();
         self.torn.extend_from_slice(facets);
         self.torn_ids.extend(torn);

@@ -174,7 +174,7 @@ impl Nodes {
     /// Values at all nodes from those at the vertices of cells; `None` where all nodes are vertices.
     fn interpolation(&self, system: &System, solved: &[usize]) -> Result<Option<Interpolation>, String> {
         let spaces = solved.iter().filter_map(|k| match &system.fields[*k].space {
-            FieldSpace::Nodal(space) => Some(space),
+            FieldSpace::Nodal(space) => Some(&**space),
             _ => None,
         });
         let spaces: Vec<&Space> = spaces.collect();

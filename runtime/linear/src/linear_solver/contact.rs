@@ -24,7 +24,7 @@ pub(super) struct Factors {
 }
 
 impl Factors {
-    pub(super) fn of(system: &System, coordinates: &[[f64; 3]]) -> Self {
+    pub(super) fn of(system: &System) -> Self {
         let condenses = condenses(system);
         let shares = condenses && system.uses(Pruning::Forces);
         Self {
@@ -32,7 +32,7 @@ impl Factors {
             pattern: Arc::clone(system.changing_pattern()),
             condenses,
             at_points: if condenses { at_points(system) } else { Vec::new() },
-            facing: if shares { facing(system, coordinates) } else { Vec::new() },
+            facing: if shares { facing(system) } else { Vec::new() },
             changing: None,
         }
     }
