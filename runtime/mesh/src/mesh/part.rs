@@ -6,7 +6,7 @@
 //! owners are a function of the mesh and the number of ranks alone; cells and nodes of a part are in the order of the whole
 //! mesh. Does not know fields.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::sync::Arc;
 
 use wfl_host::team::{Alone, Team};
 
@@ -51,10 +51,7 @@ impl Part {
     #[must_use]
     pub fn of_whole(team: Arc<dyn Team>, mesh: &Mesh) -> Self {
         let owner = bisect(mesh.nodes(), team.size());
-        let mut first: BTreeMap<[u64; 3], u32> = BTreeMap::new();
-        // adding zero takes the sign off a zero
-        let bits = |x: &[f64; 3]| x.map(|c| (c + 0.0).to_bits());
-        let place = (0u32..).zip(mesh.nodes()).map(|(node, x)| *first.entry(bits(x)).or_insert(node)).collect();
+        let place = places(mesh.nodes());
         let own = u16::try_from(team.rank()).expect("fewer than 2^16 ranks");
         Self { team, own, owner, place, of_whole: None }
     }
@@ -301,30 +298,43 @@ impl Mesh {
     }
 }
 
+/// By node the first of those at its place.
+fn places(points: &[[f64; 3]]) -> Vec<u32> {
+    // adding zero takes the sign off a zero
+    let bits = |node: u32| points[node as usize].map(|c| (c + 0.0).to_bits());
+    let mut order: Vec<u32> = (0u32..).take(points.len()).collect();
+    order.sort_unstable_by_key(|node| (bits(*node), *node));
+    let mut place = vec![0; points.len()];
+    for same in order.chunk_by(|a, b| bits(*a) == bits(*b)) {
+        same.iter().for_each(|node| place[*node as usize] = same[0]);
+    }
+    place
+}
+
 /// By node its rank: halves of the longest axis, in the ratio of the ranks on both sides.
 fn bisect(points: &[[f64; 3]], ranks: usize) -> Vec<u16> {
     let rank = |k: usize| u16::try_from(k).expect("fewer than 2^16 ranks");
     let mut owner = vec![0; points.len()];
-    let mut parts = vec![((0..points.len()).collect::<Vec<usize>>(), 0, ranks)];
+    let mut parts = vec![((0u32..).take(points.len()).collect::<Vec<u32>>(), 0, ranks)];
     while let Some((mut nodes, first, n)) = parts.pop() {
         if n <= 1 || nodes.is_empty() {
-            nodes.iter().for_each(|node| owner[*node] = rank(first));
+            nodes.iter().for_each(|node| owner[*node as usize] = rank(first));
             continue;
         }
         let length = |d: usize| {
-            let along = nodes.iter().map(|node| points[*node][d]);
+            let along = nodes.iter().map(|node| points[*node as usize][d]);
             along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
         };
         let longest = (1..3).fold(0, |best, d| if length(d) > length(best) { d } else { best });
         // the other axes decide among nodes on one plane
         let axes = [longest, (longest + 1) % 3, (longest + 2) % 3];
-        let compare = |a: &usize, b: &usize| {
-            let by = |d: &usize| points[*a][*d].total_cmp(&points[*b][*d]);
+        let compare = |a: &u32, b: &u32| {
+            let by = |d: &usize| points[*a as usize][*d].total_cmp(&points[*b as usize][*d]);
             axes.iter().map(by).find(|order| order.is_ne()).unwrap_or_else(|| a.cmp(b))
         };
         nodes.sort_unstable_by(compare);
         let mut cut = nodes.len() * (n / 2) / n;
-        while cut > 0 && cut < nodes.len() && points[nodes[cut]] == points[nodes[cut - 1]] {
+        while cut > 0 && cut < nodes.len() && points[nodes[cut] as usize] == points[nodes[cut - 1] as usize] {
             cut += 1;
         }
         let behind = nodes.split_off(cut);
@@ -337,6 +347,12 @@ fn bisect(points: &[[f64; 3]], ranks: usize) -> Vec<u16> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn nodes_at_one_point_have_one_place() {
+        let points = [[1.0, 0.0, 0.0], [0.0, -0.0, 2.0], [1.0, 0.0, 0.0], [0.0, 0.0, 2.0], [1.0, -0.0, -0.0]];
+        assert_eq!(places(&points), [0, 1, 0, 1, 0]);
+    }
 
     #[test]
     fn parts_are_even_and_nodes_at_one_point_have_one_rank() {
