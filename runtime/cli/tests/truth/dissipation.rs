@@ -1,0 +1,104 @@
+//! What a run says of what happens within its steps: the energy that friction takes from bodies with closed forms, in few
+//! and in many steps.
+
+use super::{Ran, run};
+
+/// The stiffness of the block and of the penalty in series, and the coefficient of friction.
+const STIFFNESS: f64 = 1.0 / (1.0 / 1e3 + 1.0 / 1e6);
+const FRICTION: f64 = 0.3;
+
+/// A bundle of springs on a floor whose top is pressed down by `press` and drawn along by `drag`.
+fn block(press: &str, drag: &str, steps: &str) -> String {
+    format!(
+        "mesh box [0,0] to [1,1] cells [1,1] quad\nregion floor = faces where y == 0\nregion top = faces where y == 1\n\
+         unknown u : vector\ndef tang(w) = w - (w.Normal)*Normal\nterm block on all : 1e3*Grad_u:Grad_Test_u\n\
+         def press = 1e6*pos_part(u.Normal)\ndef trial = 1e6*(tang(u) - Previous_slid)\n\
+         def q = Ball_projection(trial, {FRICTION}*press)\nstate slid : vector on floor := tang(u) - q/1e6\n\
+         term contact on floor : (press*Normal + q).Test_u\nsteps {steps}\nfix u = [{drag}, -({press})] on top\n\
+         measure F = reaction(u(1)) on top\nmeasure N = reaction(u(2)) on top\nmeasure a = mean(u(1)) on top\n\
+         measure d = mean(u(2)) on top\n"
+    )
+}
+
+fn drawn(name: &str, press: &str, drag: &str, n: u32) -> Ran {
+    let ran = run(name, &block(press, drag, &format!("t = 0 to 1 by 1/{n}")), &[]);
+    assert_eq!(ran.code, 0, "{}", ran.text);
+    ran
+}
+
+/// What friction takes from the same block by the closed form of one spring, summed over many small steps.
+fn exact(press: impl Fn(f64) -> f64, drag: impl Fn(f64) -> f64) -> f64 {
+    let n = 200_000;
+    let (mut held, mut taken) = (0.0f64, 0.0);
+    for k in 1..=n {
+        let [from, to] = [k - 1, k].map(|k| f64::from(k) / f64::from(n));
+        let [before, bound] = [from, to].map(|t| FRICTION * STIFFNESS * press(t).max(0.0));
+        let trial = held + STIFFNESS * (drag(to) - drag(from));
+        held = trial.clamp(-bound, bound);
+        taken += 0.5 * (before + bound) * (trial - held).abs() / STIFFNESS;
+    }
+    taken
+}
+
+#[test]
+fn loads_in_proportion_dissipate_the_same_in_any_number_of_steps() {
+    // the bound is f k D t and the slip (A - f D) t
+    let [press, drag] = [5e-3, 2e-2];
+    let closed = FRICTION * STIFFNESS * press * (drag - FRICTION * press) / 2.0;
+    for n in [1, 2, 7, 64] {
+        let work = drawn("in-proportion", "5e-3*t", "2e-2*t", n).friction_work();
+        assert!((work / closed - 1.0).abs() < 1e-9, "{n} steps: {work} for {closed}");
+    }
+    // pressed at first and drawn behind: it sticks up to f D
+    let closed = FRICTION * STIFFNESS * press * (drag - FRICTION * press);
+    for n in [1, 3, 20] {
+        let work = drawn("in-proportion", "5e-3", "2e-2*t", n).friction_work();
+        assert!((work / closed - 1.0).abs() < 1e-9, "{n} steps: {work} for {closed}");
+    }
+}
+
+#[test]
+fn one_solve_dissipates_what_a_load_in_proportion_does() {
+    let [press, drag] = [5e-3, 2e-2];
+    let closed = FRICTION * STIFFNESS * press * (drag - FRICTION * press) / 2.0;
+    for steps in ["t = 1 to 2 by 1", "t = 1 to 2 by 0.25"] {
+        let ran = run("one-solve", &block("5e-3*min(t,1)", "2e-2*min(t,1)", steps), &[]);
+        let work = ran.friction_work();
+        assert!((work / closed - 1.0).abs() < 1e-9, "{steps}: {work} for {closed}");
+    }
+}
+
+#[test]
+fn dissipation_is_of_second_order_in_the_step() {
+    let wave = exact(|t| 5e-3 * (1.0 + 0.5 * (5.0 * t).sin()), |t| 0.05 * t);
+    let closes = exact(|t| 5e-3 * t - 1.3e-3, |t| 0.02 * t);
+    let opens = exact(|t| 5e-3 - 7e-3 * t, |t| 0.02 * t);
+    let turns = exact(|t| 5e-3 * (1.0 + 0.5 * t), |t| 4e-3 * (4.0 * std::f64::consts::PI * t).sin());
+    for (press, drag, right) in [
+        ("5e-3*(1 + 0.5*sin(5*t))", "0.05*t", wave),
+        ("5e-3*t - 1.3e-3", "0.02*t", closes),
+        ("5e-3 - 7e-3*t", "0.02*t", opens),
+        ("5e-3*(1 + 0.5*t)", "4e-3*sin(4*pi*t)", turns),
+    ] {
+        let missed = [16, 64].map(|n| (drawn("second-order", press, drag, n).friction_work() / right - 1.0).abs());
+        // where it begins to slide, closes or opens within a step an error of the square of one step more is left
+        assert!(missed[0] < 1e-2 && missed[1] < 1e-3, "{press}, {drag}: {missed:?}");
+    }
+}
+
+#[test]
+fn the_work_of_supports_is_stored_or_dissipated() {
+    for (press, drag) in [("5e-3*(1 + 0.5*sin(5*t))", "0.05*t"), ("5e-3*(1 + 0.5*t)", "4e-3*sin(4*pi*t)")] {
+        let missed = [64, 256].map(|n| {
+            let ran = drawn("work-of-supports", press, drag, n);
+            let of = |step: u32, name: &str| ran.measure(step as usize, name);
+            let work: f64 = (1..=n)
+                .flat_map(|k| [("F", "a"), ("N", "d")].map(|(f, u)| (k, f, u)))
+                .map(|(k, f, u)| 0.5 * (of(k, f) + of(k - 1, f)) * (of(k, u) - of(k - 1, u)))
+                .sum();
+            let stored = |k: u32| (of(k, "F").powi(2) + of(k, "N").powi(2)) / (2.0 * STIFFNESS);
+            ((work.abs() - (stored(n) - stored(0))) / ran.friction_work() - 1.0).abs()
+        });
+        assert!(missed[0] < 5e-3 && missed[1] < 5e-4, "{press}: {missed:?}");
+    }
+}
