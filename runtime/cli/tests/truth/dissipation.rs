@@ -1,5 +1,5 @@
 //! What a run says of what happens within its steps: the energy that friction takes from bodies with closed forms, in few
-//! and in many steps.
+//! and in many steps, and formulas that no listed step sees.
 
 use super::{Ran, run};
 
@@ -101,4 +101,45 @@ fn the_work_of_supports_is_stored_or_dissipated() {
         });
         assert!(missed[0] < 5e-3 && missed[1] < 5e-4, "{press}: {missed:?}");
     }
+}
+
+/// A bar that is warmed by what `source` says, with these steps.
+fn warmed(source: &str, steps: &str, storage: &str) -> String {
+    format!(
+        "mesh box [0] to [1] cells [4] segment\nunknown T : scalar\nterm storage on all : {storage}*Test_T\n\
+         term flow on all : Grad_T.Grad_Test_T\nload T = {source} on all\nsteps {steps}\n"
+    )
+}
+
+#[test]
+fn what_no_listed_step_sees_is_told() {
+    let rate = "Dot_T";
+    for (source, steps) in [
+        ("(if abs(t - 0.5503) < 5e-3 then 1 else 0)", "t = 0 to 1 by 0.1"),
+        ("exp(-sqr((t - 0.35)/1e-3))", "t = 0 to 1 by 0.1"),
+        ("sin(20*pi*t)", "t = 0 to 1 by 0.1"),
+        ("sin(20*pi*t)", "t = 0 to 1 by 0.05"),
+        ("exp(-sqr((x - t)/0.02))", "t = 0 to 1 by 1/3"),
+        ("(1 + x)*(if t > 0.31 then if t < 0.311 then 1 else 0 else 0)", "t = 0 to 1 by 0.25"),
+    ] {
+        let ran = run("overlooked", &warmed(source, steps, rate), &[]);
+        assert!(ran.code == 0 && ran.tells("W425"), "{source}, {steps}: {}", ran.text);
+        assert!(ran.marked("W425").contains("load T"), "{}", ran.text);
+    }
+    for (source, steps) in [
+        ("(if abs(t - 0.5503) < 5e-3 then 1 else 0)", "t = 0 to 1 by 1/400"),
+        ("(if t > 0.55 then 1 else 0)", "t = 0 to 1 by 0.1"),
+        ("exp(-sqr((t - 0.35)/0.1))", "t = 0 to 1 by 0.05"),
+        ("sin(20*pi*t)", "t = 0 to 1 by 0.02"),
+        ("exp(-30*t)", "t = 0 to 1 by 0.1"),
+        ("abs(t - 0.5)", "t = 0 to 1 by 0.1"),
+        ("1e6 + 1e-9*sin(20*pi*t)", "t = 0 to 1 by 0.1"),
+        ("sin(20*pi*t)", "t = 0 to 1 by auto with error=1e-2"),
+    ] {
+        let ran = run("seen", &warmed(source, steps, rate), &[]);
+        assert!(ran.code == 0 && !ran.tells("W425"), "{source}, {steps}: {}", ran.text);
+    }
+    // without a memory the state at a step is that of the values there
+    let ran = run("no-memory", &warmed("sin(20*pi*t)", "t = 0 to 1 by 0.1", "T"), &[]);
+    assert!(ran.code == 0 && !ran.tells("W425"), "{}", ran.text);
 }
