@@ -103,6 +103,21 @@ fn the_work_of_supports_is_stored_or_dissipated() {
     }
 }
 
+/// A block with inertia that is pressed and drawn: contact has taken what its springs store and friction dissipates.
+#[test]
+fn contact_takes_up_what_it_stores_and_dissipates() {
+    for n in [4, 32] {
+        let still = block("5e-3*t^2", "2e-2*t^2", &format!("t = 0 to 1 by 1/{n}"));
+        let scene =
+            still.replace("term block", "term mass on all : 0.1*Dot2_u.Test_u\nscheme newmark energy=0.9\nterm block");
+        let ran =
+            run("contact-takes", &format!("{scene}measure stored = integral((sqr(press) + q.q)/2e6) on floor\n"), &[]);
+        assert_eq!(ran.code, 0, "{}", ran.text);
+        let (taken, work) = (ran.last("energy_contact") - ran.last("stored"), ran.friction_work());
+        assert!((taken / work - 1.0).abs() < 1e-3, "{n} steps: {taken} for {work}");
+    }
+}
+
 /// A bar that is warmed by what `source` says, with these steps.
 fn warmed(source: &str, steps: &str, storage: &str) -> String {
     format!(
