@@ -4,7 +4,8 @@
 //! slides: over the slope of the argument in the displacements, the slip of return mapping. A law with a memory (a state, or
 //! the change since the last step) begins each step at rest, so that this is the slip of the step, obstacles that move
 //! included. A law on the total slip begins at what it had at the end of the last step. The work is the force of the term on
-//! the displacements times that slip. Friction resists, so that it is not negative; a law on the total slip knows no way
+//! the displacements times that slip, with the mean of the bound over what slides ([`Slipping`]): that at the end of the step
+//! would be wrong by half of its change. Friction resists, so that it is not negative; a law on the total slip knows no way
 //! back: when loads go down, it drives the slip it allowed back to nothing, and gives the energy back that it had taken.
 //!
 //! At a point that sticks nothing slides; what its argument has left is elastic. The next step has to find the same
@@ -12,6 +13,8 @@
 //! sides stick, and they creep ([`Creep`]).
 //!
 //! Promises: nothing counts that the law itself does not see, whatever else moves. Does not judge the work.
+
+mod power;
 
 use std::collections::BTreeSet;
 
@@ -26,6 +29,7 @@ use super::{
     at_points::{Motions, Point},
     creep::{Creep, Lost, Sticking},
     regularisation::AS_WRITTEN,
+    slipping::End,
     slopes::is_displacement,
 };
 use wfl_discrete::{
@@ -38,9 +42,8 @@ use wfl_discrete::{
 /// A law is one of increments if its argument changes by less than this part when past and present move together, and it
 /// forgets a point if less than this part of the slip there is left when the past is renewed: rounding.
 const NOTHING: f64 = 1e-6;
-/// A force whose work is below this part of its size times the way is across the way: the way is the inverse of slopes, known
-/// to some hundred roundoffs.
-const ACROSS: f64 = 1e-13;
+/// How many numbers a point keeps beside its argument at rest (numbers): its radius, its force, its pressure and the rate of that.
+const BESIDE: usize = 4;
 
 /// Energies of friction (force times length).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -64,8 +67,10 @@ impl FrictionWork {
 /// What friction remembers from one step to the next, by contact term; empty for one without friction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrictionMemory {
-    /// What a law calls slip at the end of the last step: the entries of its argument beyond the ball, point after point.
-    pub slid: Vec<Vec<f64>>,
+    /// What a law is at rest at the end of the last step, point after point: the entries of its argument, its radius, the
+    /// force that resists a slip (0 where nothing presses or drags), the argument of its pressure (0 without one) and what
+    /// that grows by in the step variable (0 where it is not known).
+    pub rest: Vec<Vec<f64>>,
     /// The slip that points which stick have lost, three numbers a point (length).
     pub lost: Vec<Vec<f64>>,
 }
@@ -93,20 +98,22 @@ impl FrictionMemory {
         next: &NextStates<'_>,
     ) -> Option<FrictionStep> {
         let n_terms = contact.terms().len();
-        let is_first = self.slid.is_empty();
-        self.slid.resize(n_terms, Vec::new());
+        let is_first = self.rest.is_empty();
+        self.rest.resize(n_terms, Vec::new());
         self.lost.resize(n_terms, Vec::new());
         let values = system.values_with(u, contact.active_set());
         let mut step: Option<FrictionStep> = None;
-        for ((term, slid), lost) in contact.terms().iter().zip(&mut self.slid).zip(&mut self.lost) {
+        for ((term, before), lost) in contact.terms().iter().zip(&mut self.rest).zip(&mut self.lost) {
             // a slip along faces that turn is no difference of displacements
             if term.moves() {
                 continue;
             }
             let Some(pass) = Pass::new(term, system, values.view(), next) else { continue };
-            let slips = pass.slips(if is_first { &[] } else { slid });
-            let own = FrictionStep { work: pass.work(&slips), creep: pass.creep(lost) };
-            *slid = pass.at_rest();
+            let slips = pass.slips(if is_first { &[] } else { before });
+            let start = if is_first { pass.unmoved() } else { std::mem::take(before) };
+            let (work, rest) = pass.work(&slips, &start);
+            let own = FrictionStep { work, creep: pass.creep(lost) };
+            *before = rest;
             let all = step.get_or_insert_with(FrictionStep::default);
             all.work = all.work.and(own.work);
             all.creep = Creep::worse(all.creep.take(), own.creep);
@@ -117,8 +124,17 @@ impl FrictionMemory {
     /// True if it belongs to these laws.
     #[must_use]
     pub fn fits(&self, contact: &Contact) -> bool {
-        self.slid.len() == self.lost.len() && (self.slid.is_empty() || self.slid.len() == contact.terms().len())
+        self.rest.len() == self.lost.len() && (self.rest.is_empty() || self.rest.len() == contact.terms().len())
     }
+}
+
+/// What a step begins with at a point.
+struct Begun<'a> {
+    end: End<'a>,
+    /// The argument of the pressure; 0 without one.
+    pressing: f64,
+    /// What it grew by in the step variable; 0 where that is not known.
+    rate: f64,
 }
 
 /// A state after which nothing moves any more: the past is what was the present, states have their next values, and no
@@ -223,10 +239,9 @@ impl<'a> Pass<'a> {
         self.argument(&self.term.outputs_of(&without, uniforms)).to_vec()
     }
 
-    /// By point what slid in the step, in the measure of the argument; `before` what the law called slip before, empty where
-    /// nothing did.
+    /// By point what slid in the step, in the measure of the argument; `before` what the law was at rest before, empty where
+    /// nothing slid.
     fn slips(&self, before: &[f64]) -> Vec<Vec<f64>> {
-        let n = self.ball.n;
         if self.way.is_some() || self.takes_increments() {
             // a law without a traction of its own, and without a memory of one, has no elastic part: it retains nothing
             let has_traction =
@@ -240,8 +255,8 @@ impl<'a> Pass<'a> {
         }
         let of = |k: usize| {
             let mut slid = beyond(self.argument(&self.points[k].outputs), self.radius(k));
-            if let Some(before) = before.get(k * n..(k + 1) * n) {
-                slid.iter_mut().zip(before).for_each(|(s, b)| *s -= b);
+            if let Some(Begun { end, .. }) = self.begun(before, k) {
+                slid.iter_mut().zip(beyond(end.argument, end.radius)).for_each(|(s, b)| *s -= b);
             }
             slid
         };
@@ -257,11 +272,12 @@ impl<'a> Pass<'a> {
         sums[0] > NOTHING * sums[1]
     }
 
-    /// What the law calls slip at rest, point after point: what the next step begins with.
-    fn at_rest(&self) -> Vec<f64> {
-        let points = self.rest.as_ref().map_or(&self.points, |rest| &rest.points);
-        let of = |(k, point): (usize, &Point)| beyond(self.argument(&point.outputs), self.radius(k));
-        points.iter().enumerate().flat_map(of).collect()
+    /// A point of what [`FrictionMemory::rest`] has of a term.
+    fn begun<'r>(&self, rest: &'r [f64], k: usize) -> Option<Begun<'r>> {
+        let n = self.ball.n;
+        let (argument, others) = rest.get(k * (n + BESIDE)..(k + 1) * (n + BESIDE))?.split_at(n);
+        let [radius, resists, pressing, rate] = *others else { return None };
+        Some(Begun { end: End { argument, radius, resists }, pressing, rate })
     }
 
     /// True if the argument has the change of the displacements since the last step: what moves past and present alike does
@@ -287,61 +303,6 @@ impl<'a> Pass<'a> {
 
     fn motions(&self, point: &Point) -> Option<Motions> {
         self.term.motions_at(self.system, self.position, self.ball.n, &point.inputs)
-    }
-
-    /// The work of the force on what slid.
-    fn work(&self, slips: &[Vec<f64>]) -> FrictionWork {
-        let (mut work, mut largest, mut at) = (FrictionWork::default(), 0.0f64, 0);
-        let term = &self.system.terms[self.term.term];
-        let slots = &self.term.law.law.inputs;
-        let test_of = |s: &usize| match &slots[*s] {
-            InputSlot::Field(b) => term.law.tests.iter().position(|t| t == b),
-            _ => None,
-        };
-        // of a fault under initial stress the force of the law is more than that of the term
-        let mut open = Vec::new();
-        if self.term.acts_when_open && !self.force_is_a_multiplier() {
-            self.term.open_fluxes(self.system, self.values, |flux| open.push(flux));
-        }
-        term.for_each_flux(&self.system.mesh, self.values, |flux, weight| {
-            at += 1;
-            let (Some(point), Some(slid)) = (self.points.get(at - 1), slips.get(at - 1)) else { return };
-            if !self.term.counts(at - 1) || slid.iter().all(|x| *x == 0.0) {
-                return;
-            }
-            let Some(motions) = self.motions(point) else { return };
-            let tested: Vec<bool> = motions.inputs.iter().map(|s| test_of(s).is_some()).collect();
-            let along = self.way.unwrap_or(1.0) * self.term.way(&motions, point, slid, &tested);
-            let beside = |test: usize| open.get(at - 1).map_or(0.0, |open: &Vec<f64>| open[test]);
-            let force = motions.inputs.iter().map(|s| test_of(s).map_or(0.0, |test| flux[test] - beside(test)));
-            let (mut power, mut forces) = (0.0, 0.0f64);
-            force.zip(&along).for_each(|(f, d)| (power, forces) = (power + f * d, forces.hypot(f)));
-            // a force across the slip: its part along it is what rounding leaves of the direction
-            if !power.is_finite() || power.abs() <= ACROSS * forces * along.norm() {
-                return;
-            }
-            largest = motions.inputs.iter().fold(largest, |m, s| m.max(point.inputs[*s].abs()));
-            work.taken += weight * power;
-            work.size += weight * power.abs();
-            work.bound += weight * self.radius(at - 1).max(0.0);
-        });
-        let mut sums = [work.taken, work.size, work.bound];
-        self.system.team().sum(&mut sums);
-        let [taken, size, bound] = sums;
-        FrictionWork { taken, size, bound: bound * self.system.team().largest(largest) }
-    }
-
-    /// Whether the forces on displacements are multipliers and read nothing else, the law of which stands in the same term:
-    /// what acts where the law is open is that force, too.
-    fn force_is_a_multiplier(&self) -> bool {
-        let law = &self.system.terms[self.term.term].law;
-        let kind = |slot: &BasisSlot| self.system.fields[slot.field.index()].kind;
-        let of_forces = law.entries.iter().filter_map(|(test, trial)| {
-            let (test, trial) = (&law.tests[usize::from(*test)], &law.trials[usize::from(*trial)]);
-            is_displacement(&self.system.fields, test).then(|| kind(trial))
-        });
-        let mut of_forces = of_forces.peekable();
-        of_forces.peek().is_some() && of_forces.all(|kind| kind == FieldKind::Multiplier)
     }
 
     /// Adds to what points that stick have lost, three numbers a point. `None` for a law that has lost nothing so far.
@@ -527,9 +488,15 @@ mod tests {
     #[test]
     fn friction_takes_the_bound_times_the_slip() {
         // of 0.3 an elastic slip of 0.05 is left
-        let work = sliding(&[0.3])[0].work;
+        let work = sliding(&[0.0, 0.3])[1].work;
         assert!((work.taken - 0.5 * 0.25).abs() < 1e-14 && work.size == work.taken, "{work:?}");
         assert!((work.bound - 0.5 * 0.3).abs() < 1e-14, "{work:?}");
+    }
+
+    #[test]
+    fn friction_takes_half_of_it_where_the_bound_grows_from_nothing() {
+        let work = sliding(&[0.3])[0].work;
+        assert!((work.taken - 0.25 * 0.25).abs() < 1e-14, "{work:?}");
     }
 
     #[test]
@@ -569,8 +536,8 @@ mod tests {
     #[test]
     fn a_memory_fits_the_laws_it_is_of() {
         let block = Block::with_friction(1);
-        let of = |n: usize| FrictionMemory { slid: vec![Vec::new(); n], lost: vec![Vec::new(); n] };
+        let of = |n: usize| FrictionMemory { rest: vec![Vec::new(); n], lost: vec![Vec::new(); n] };
         assert!(of(0).fits(&block.contact) && of(1).fits(&block.contact) && !of(2).fits(&block.contact));
-        assert!(!FrictionMemory { slid: vec![Vec::new()], lost: Vec::new() }.fits(&block.contact));
+        assert!(!FrictionMemory { rest: vec![Vec::new()], lost: Vec::new() }.fits(&block.contact));
     }
 }

@@ -34,6 +34,7 @@ mod regularisation;
 mod scaling;
 mod sharing;
 mod sliding;
+mod slipping;
 mod slopes;
 mod term;
 

@@ -186,7 +186,7 @@ impl Builder<'_> {
     }
 
     /// Whether the state depends on the way to it: by states, or by values of the previous step.
-    fn has_memory(&self) -> bool {
+    pub(super) fn has_memory(&self) -> bool {
         let mut reads_past = false;
         for term in &self.script.terms {
             each_name(&term.expr, &mut |word| reads_past |= split_prefixes(word).0.contains("Previous_"));
@@ -195,7 +195,7 @@ impl Builder<'_> {
     }
 
     /// Adds the largest parts of an expression that depend on the step variable and positions alone.
-    fn collect(&self, e: &Expr, variable: &str, places: &[&str], found: &mut Vec<Formula>) {
+    pub(super) fn collect(&self, e: &Expr, variable: &str, places: &[&str], found: &mut Vec<Formula>) {
         if !mentions(e, variable) {
             return;
         }
@@ -205,7 +205,7 @@ impl Builder<'_> {
             each_sum(e, variable, &mut |sum| sums.extend(self.of_positions(&sum)));
             let mut rows = Vec::new();
             self.rows(e, &mut rows);
-            found.push(Formula { value, points, sums, rows });
+            found.push(Formula { written: e.clone(), value, points, sums, rows });
             return;
         }
         if let ExprKind::If(condition, a, b) = &e.kind {
@@ -283,9 +283,11 @@ fn points_of(mesh: &Mesh, set: &RegionSet, k: usize) -> Vec<[f64; 3]> {
 }
 
 /// A formula at its points.
-struct Formula {
-    value: Value,
-    points: Vec<[f64; 3]>,
+pub(super) struct Formula {
+    /// As it is written.
+    pub(super) written: Expr,
+    pub(super) value: Value,
+    pub(super) points: Vec<[f64; 3]>,
     /// Its sums, and the differences of what it compares: what it does begins and ends where these are zero.
     sums: Vec<Value>,
     /// Arguments of tables, and where these have rows.
@@ -377,7 +379,7 @@ impl Formula {
     }
 
     /// Where its sums are zero and its tables have rows, at any of its points.
-    fn zeros(&mut self, first: f64, last: f64) -> Vec<f64> {
+    pub(super) fn zeros(&mut self, first: f64, last: f64) -> Vec<f64> {
         let mut found = Vec::new();
         let Self { points, sums, rows, .. } = self;
         for sum in sums {
@@ -443,7 +445,7 @@ fn differ(a: &[f64], b: &[f64], ranges: &[(f64, f64)]) -> bool {
 }
 
 /// A range that is not rounding alone.
-fn changes(range: (f64, f64)) -> bool {
+pub(super) fn changes(range: (f64, f64)) -> bool {
     range.1 - range.0 > ROUNDING * range.0.abs().max(range.1.abs())
 }
 
@@ -534,7 +536,7 @@ fn each_difference(condition: &Cond, variable: &str, f: &mut dyn FnMut(Expr)) {
 }
 
 /// Calls `f` for each expression that drives a scene, with the names of its regions.
-fn each_driving<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr, &[&str])) {
+pub(super) fn each_driving<'s>(script: &'s ResolvedScript, f: &mut dyn FnMut(&'s Expr, &[&str])) {
     let names = |places: &'s [Ident]| places.iter().map(|p| p.name.as_str()).collect::<Vec<_>>();
     script.terms.iter().for_each(|t| f(&t.expr, &names(&t.places)));
     script.fixes.iter().chain(&script.loads).for_each(|c| f(&c.value, &names(&c.places)));

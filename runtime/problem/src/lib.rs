@@ -52,6 +52,7 @@ mod method;
 mod normals;
 mod options;
 mod outputs;
+mod overlooked;
 mod part;
 mod past;
 mod place;

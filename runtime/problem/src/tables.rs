@@ -72,6 +72,7 @@ impl Builder<'_> {
         found.forcing = self.forcing(steps, &found.corners);
         found.forcing.add_to(&mut found.corners);
         self.differenced(steps);
+        self.overlooked(steps);
         found
     }
 

@@ -43,7 +43,7 @@ pub const CHECKPOINT_FILE: &str = "checkpoint.wflc";
 pub(super) const LOG_FILE: &str = "checkpoint_steps.wflc";
 const MAGIC: &[u8; 8] = b"WFLSTATE";
 /// Grows when the layout changes.
-const FORMAT: u64 = 29;
+const FORMAT: u64 = 30;
 /// Magic, format, length and checksum before the content.
 const HEADER: usize = 32;
 
@@ -477,7 +477,7 @@ fn balance(w: &mut Writer, b: Option<&Balance>) {
 fn friction(w: &mut Writer, f: Option<&FrictionMemory>) {
     w.flag(f.is_some());
     let Some(f) = f else { return };
-    for lists in [&f.slid, &f.lost] {
+    for lists in [&f.rest, &f.lost] {
         w.count(lists.len());
         lists.iter().for_each(|l| w.numbers(l));
     }
@@ -487,7 +487,7 @@ fn read_friction(r: &mut Reader<'_>) -> Result<Option<FrictionMemory>, Unreadabl
     if !r.flag()? {
         return Ok(None);
     }
-    Ok(Some(FrictionMemory { slid: r.list(Reader::numbers)?, lost: r.list(Reader::numbers)? }))
+    Ok(Some(FrictionMemory { rest: r.list(Reader::numbers)?, lost: r.list(Reader::numbers)? }))
 }
 
 fn read_balance(r: &mut Reader<'_>) -> Result<Option<Balance>, Unreadable> {

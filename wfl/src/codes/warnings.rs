@@ -184,6 +184,18 @@ pages! {
         "region s = interface from a to b\nmultiplier m : scalar on s",
     ),
     page(
+        W425,
+        "what happens between two steps",
+        "A formula of the step variable in a term, a load, a prescribed value or a field is taken at the listed steps. What it \
+         does between two of them and has undone at the second one is not seen: a pulse that is shorter than a step, a load that \
+         oscillates with fewer than three steps in a period. In a scene with rates, states or values of the previous step the \
+         state depends on it. List steps that resolve it, or let the run choose them (`by auto`).",
+        "term inertia on all : Dot_u.Test_u\nload u = [if abs(t - 0.55) < 0.01 then 1 else 0, 0, 0] on all\n\
+         steps t = 0 to 1 by 0.1",
+        "term inertia on all : Dot_u.Test_u\nload u = [if abs(t - 0.55) < 0.01 then 1 else 0, 0, 0] on all\n\
+         steps t = 0 to 1 by 0.01",
+    ),
+    page(
         W501,
         "a discontinuous term without a derivative",
         "Heaviside and sign have derivative 0. A term that depends on an unknown only through them looks constant to \

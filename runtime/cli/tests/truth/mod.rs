@@ -12,6 +12,7 @@ mod bounces;
 mod cohesive;
 mod contact_form;
 mod contact_rule;
+mod dissipation;
 mod flows;
 mod friction;
 mod joints;
