@@ -6,7 +6,7 @@ use wfl_output::Piece;
 use wfl_problem::Scene;
 use wfl_run::Outcome;
 use wfl_tests::{
-    examples,
+    doubts, examples,
     ranks::{Holding, Shared, run_with_gathered, solved, solved_keeping},
     scene_files, side_by_side,
 };
@@ -414,5 +414,40 @@ fn unseen_scenes() {
             agree_in(&shared, what, ranks, Holding::Parts);
         }
         grids_agree(&shared, what, 5);
+    }
+}
+
+/// One displacement has two laws, of which some ranks have no cell, and some have none of a second one at all: they are asked
+/// for its strains alike, and tell what one rank alone tells, with its numbers.
+#[test]
+fn strains_beyond_a_law_are_told_by_ranks_with_few_of_its_cells() {
+    let text = "wfl 1
+mesh box [0,0] to [4,1] cells [12,2] quad
+param E = 1000 [MPa]
+region near = cells where x < 2
+region far = cells where x > 3
+region rest = all - near
+region left = faces where x == 0
+region right = faces where x == 4
+unknown u : vector [m]
+unknown v : vector on far [m]
+def s(w, k) = k*E*(Div_w*Id(2) + 2*Sym(Grad_w))
+term here on near : s(u, 1):Grad_Test_u
+term there on rest : s(u, 2):Grad_Test_u
+term beyond on far : s(v, 1):Grad_Test_v
+fix u = [0, 0] on left
+fix u = [9, 0] on right
+fix v = [0, 0] on right
+load v = [-2*E, 0] on far
+measure m = integral(u(1)) on all
+";
+    let shared = Shared::text(&examples(), text.to_owned(), &[]);
+    let told = |outcome: &Outcome| doubts(outcome).into_iter().filter(|d| d.0 == "W645").collect::<Vec<_>>();
+    let alone = told(&solved(shared.whole()));
+    assert_eq!(alone.len(), 2, "{alone:?}");
+    for (ranks, holding) in [(2, Holding::Parts), (3, Holding::Parts), (5, Holding::Parts), (3, Holding::Whole)] {
+        for found in shared.on_ranks(ranks, holding, solved) {
+            assert_eq!(told(&found), alone, "{ranks} ranks, {holding:?}");
+        }
     }
 }

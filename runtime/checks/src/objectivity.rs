@@ -96,15 +96,34 @@ pub(crate) enum Strains {
     Finite,
 }
 
-/// Which strains the law of a vector field knows, at one of its cells on this rank; `None` where it is that of no body.
+/// Which strains the law of a vector field knows; `None` where it is that of no body. Asked by all ranks together: each looks
+/// at the first cell that it counts, and one without any says nothing.
 pub(crate) fn strains_of(system: &System, field: usize) -> Option<Strains> {
     let zero = vec![0.0; system.numbering.n_dofs];
     let values = system.values(&zero);
     let body = Body { system, field, values: values.view() };
     let terms = stiff_terms(system, field);
-    let cell = terms.iter().find_map(|t| sampled_cells(system, t).into_iter().next())?;
-    let at = stiffness(system, field, &terms, cell, values.view())?;
-    body.strains(&terms, cell, &at.matrix).map(|(strains, _)| strains)
+    // the ranks are asked for the cells of every term, whichever has the first one here
+    let cells: Vec<CellId> = terms.iter().flat_map(|t| sampled_cells(system, t)).collect();
+    let at = |cell: CellId| {
+        let at = stiffness(system, field, &terms, cell, values.view())?;
+        body.strains(&terms, cell, &at.matrix).map(|(strains, _)| strains)
+    };
+    // by kind: of no body, of small strains, of finite ones
+    let mut kinds = [0.0; 3];
+    if let Some(cell) = cells.first() {
+        kinds[match at(*cell) {
+            None => 0,
+            Some(Strains::Small) => 1,
+            Some(Strains::Finite) => 2,
+        }] = 1.0;
+    }
+    system.team().sum(&mut kinds);
+    match kinds.map(|count| count > 0.0) {
+        [false, true, false] => Some(Strains::Small),
+        [false, false, true] => Some(Strains::Finite),
+        _ => None,
+    }
 }
 
 /// What a law of a vector field is known to be.

@@ -54,7 +54,7 @@ pub fn small_strain_bodies(system: &System) -> Vec<SmallStrainBody> {
         f.kind == FieldKind::Unknown && f.n_components == dim && f.degree() > 0 && nodal && system.range(*k).is_some()
     };
     let small = |k: &usize| strains_of(system, *k) == Some(Strains::Small);
-    let all = (0..system.fields.len()).filter(|k| dim > 1 && vector(k) && system.team().all(small(k)));
+    let all = (0..system.fields.len()).filter(|k| dim > 1 && vector(k) && small(k));
     all.map(|field| SmallStrainBody { field, has_memory: has_memory(system, field) }).collect()
 }
 
@@ -86,7 +86,7 @@ fn large_strain(system: &System, u: &[f64], body: SmallStrainBody) -> Option<Lar
         let (low, high) = system.mesh.bounds();
         (0..3).fold(0.0, |m: f64, d| m.max(high[d] - low[d]))
     };
-    let moved = team.largest(moved(values, f.n_components)) / extent;
+    let moved = moved(system, field, values) / extent;
     let mut worst = (0.0f64, [0.0; 3]);
     let size = largest(values.iter().copied());
     if team.any(size > 0.0) {
@@ -117,14 +117,20 @@ fn large_strain(system: &System, u: &[f64], body: SmallStrainBody) -> Option<Lar
     })
 }
 
-/// The largest displacement less the mean one.
-fn moved(values: &[f64], n_components: usize) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a mean")]
-    let n = (values.len() / n_components).max(1) as f64;
-    let mean: Vec<f64> =
-        (0..n_components).map(|c| values.iter().skip(c).step_by(n_components).sum::<f64>() / n).collect();
+/// The largest displacement less the mean one, of the nodes of all ranks.
+fn moved(system: &System, field: usize, values: &[f64]) -> f64 {
+    let n = system.fields[field].n_components;
+    let Some(range) = system.range(field) else { return 0.0 };
+    let nodes = || values.chunks_exact(n).enumerate().filter(|(k, _)| system.owns(range.start + k * n));
+    // what is summed, and behind it over how many nodes
+    let mut sums = vec![0.0; n + 1];
+    for (_, node) in nodes() {
+        sums.iter_mut().zip(node.iter().chain(&[1.0])).for_each(|(sum, x)| *sum += x);
+    }
+    system.team().sum(&mut sums);
+    let mean: Vec<f64> = sums[..n].iter().map(|sum| sum / sums[n].max(1.0)).collect();
     let of_node = |node: &[f64]| node.iter().zip(&mean).fold(0.0f64, |m, (x, mean)| m.hypot(x - mean));
-    values.chunks_exact(n_components).map(of_node).fold(0.0, f64::max)
+    system.team().largest(nodes().map(|(_, node)| of_node(node)).fold(0.0, f64::max))
 }
 
 /// The largest strain of a line between some nodes.

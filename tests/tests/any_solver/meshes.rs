@@ -92,11 +92,20 @@ pub(super) fn body(draw: &mut Draw) -> Body {
 }
 
 /// What a mesh is before its map.
-struct Made {
-    mesh: String,
-    file: Option<String>,
-    family: char,
-    rows: usize,
+pub(super) struct Made {
+    pub(super) mesh: String,
+    pub(super) file: Option<String>,
+    pub(super) family: char,
+    pub(super) rows: usize,
+}
+
+impl Body {
+    /// A mesh whose statement is given, and of which no more is known.
+    pub(super) fn of(made: Made, dim: usize, text: String) -> Self {
+        let Made { file, family, rows, .. } = made;
+        let is_rich = dim == 3;
+        Self { dim, family, text, file, has_equal_ends: false, rows, is_rich, is_affine: false, is_long: false }
+    }
 }
 
 fn of_box(draw: &mut Draw, dim: usize) -> Made {
@@ -225,7 +234,7 @@ impl Grid {
     }
 }
 
-fn of_file(draw: &mut Draw, dim: usize) -> Made {
+pub(super) fn of_file(draw: &mut Draw, dim: usize) -> Made {
     let (order, rows) = (1 + draw.below(2), if dim == 2 { 2 + draw.below(2) } else { 1 + draw.below(2) });
     let (family, grid) = if dim == 2 { plane(draw, order, rows) } else { solid(draw, order, rows) };
     Made { mesh: "mesh file \"body.msh\"".to_owned(), file: Some(grid.text()), family, rows }

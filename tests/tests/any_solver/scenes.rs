@@ -1,37 +1,64 @@
 //! Scenes at random on a mesh: a law, coefficients, terms on faces, constraints, loads and rules of integration.
 
-use super::{Draw, meshes::Body};
+use super::{Draw, meshes::Body, mixed, multipliers, places, sliding, times};
 
-/// A scene without its word on the linear solver, and what it is about.
-pub(super) fn scene(draw: &mut Draw, body: &Body) -> String {
+/// What scenes are about, in turn; what fields beside each other, terms on faces and laws that are not linear do is in many of them.
+const LAWS: [&str; 36] = [
+    "heat",
+    "elastic",
+    "augmented",
+    "sliding",
+    "rubber",
+    "waves",
+    "incompressible",
+    "fault",
+    "biot",
+    "contact",
+    "plate",
+    "rate and state",
+    "elastic",
+    "revolved",
+    "flow",
+    "periodic",
+    "stamped",
+    "tied",
+    "two bodies",
+    "means",
+    "split",
+    "carried",
+    "kinked",
+    "nitsche",
+    "past",
+    "normals",
+    "rates",
+    "convection",
+    "jumps",
+    "creep",
+    "on faces",
+    "clamps",
+    "two heats",
+    "sliding",
+    "glued",
+    "changing heat",
+];
+
+/// What the scene of a seed is about.
+pub(super) fn law(seed: u64) -> &'static str {
+    #[expect(clippy::cast_possible_truncation, reason = "a remainder")]
+    let k = (seed % LAWS.len() as u64) as usize;
+    LAWS[k]
+}
+
+/// A scene without its word on the linear solver.
+pub(super) fn scene(draw: &mut Draw, body: &Body, law: &str) -> String {
+    if law == "sliding" {
+        return sliding::sliding(draw, body);
+    }
     let mut text = format!(
         "wfl 1\n{}region left = faces where px == 0\nregion right = faces where px == 2\nregion side = boundary - left - right\n",
         body.text
     );
-    let law = if body.is_long {
-        "contact"
-    } else {
-        draw.of(&[
-            "heat",
-            "heat",
-            "elastic",
-            "elastic",
-            "elastic",
-            "two heats",
-            "two bodies",
-            "glued",
-            "split",
-            "rubber",
-            "rubber",
-            "kinked",
-            "contact",
-            "flow",
-            "past",
-            "rates",
-            "jumps",
-            "on faces",
-        ])
-    };
+    let law = if body.is_long { "contact" } else { law };
     text += &match law {
         "heat" => heat(draw, body),
         "elastic" => elastic(draw, body),
@@ -45,19 +72,56 @@ pub(super) fn scene(draw: &mut Draw, body: &Body) -> String {
         "rates" => rates(draw, body),
         "jumps" => jumps(draw, body),
         "on faces" => on_faces(draw, body),
+        "augmented" => multipliers::augmented(draw, body),
+        "tied" => multipliers::tied(draw, body),
+        "nitsche" => multipliers::nitsche(draw, body),
+        "plate" => multipliers::plate(draw, body),
+        "means" => multipliers::means(draw, body),
+        "stamped" => sliding::stamped(draw, body),
+        "waves" => times::waves(draw, body),
+        "biot" => times::biot(draw, body),
+        "rate and state" => times::rate_and_state(draw, body),
+        "changing heat" => times::heat(draw, body),
+        "creep" => times::creep(draw, body),
+        "incompressible" => mixed::incompressible(draw, body),
+        "carried" => mixed::carried(draw, body),
+        "convection" => mixed::convection(draw, body),
+        "revolved" => places::revolved(draw, body),
+        "fault" => places::fault(draw, body),
+        "periodic" => places::periodic(draw, body),
+        "normals" => places::normals(draw, body),
+        "clamps" => places::clamps(draw, body),
         _ => flow(draw, body),
     };
-    text += match law {
-        "past" | "rates" if body.dim == 2 && draw.chance(0.12) => "steps t = 0 to 2 by 0.02\n",
-        "past" | "rates" => "steps t = 0 to 2 by 1\n",
-        _ => draw.of(&["", "steps t = 0 to 2 by 1\n", "steps t = 1 to 2 by 0.5\n"]),
-    };
+    text += steps(draw, body, law, &text);
+    if text.contains("scheme hht") || text.contains("scheme generalised") {
+        // equations hold within the steps, not at their ends
+        let lines = text.lines().filter(|line| !line.contains("reaction(") && !line.starts_with("balance"));
+        text = lines.map(|line| format!("{line}\n")).collect();
+    }
+    if text.contains("steps") {
+        return text;
+    }
     // a law at rest would be solved to nothing
-    if text.contains("steps") { text } else { text.replace("(1 + 0.3*t)", "1") }
+    [" ", ",", "]", ")"]
+        .iter()
+        .fold(text.replace("(1 + 0.3*t)", "1"), |text, end| text.replace(&format!("*t{end}"), &format!("*1{end}")))
+}
+
+/// Steps: of some scenes none where nothing depends on those before.
+fn steps(draw: &mut Draw, body: &Body, law: &str, text: &str) -> &'static str {
+    let has_past = ["Dot_", "Dot2_", "Previous_", "state ", "timestep", "storage(", "biot("];
+    match has_past.iter().any(|word| text.contains(word)) {
+        true if matches!(law, "past" | "rates") && body.dim == 2 && draw.chance(0.12) => "steps t = 0 to 2 by 0.02\n",
+        true if law == "rate and state" => "steps t = 0 to 0.6 by 0.2\n",
+        true if law == "waves" => draw.of(&["steps t = 0 to 0.4 by 0.1\n", "steps t = 0 to 0.1 by 0.02\n"]),
+        true => "steps t = 0 to 2 by 1\n",
+        false => draw.of(&["", "steps t = 0 to 2 by 1\n", "steps t = 1 to 2 by 0.5\n"]),
+    }
 }
 
 /// A degree that suits the mesh: the highest ones on few cells alone.
-fn degree(draw: &mut Draw, body: &Body) -> usize {
+pub(super) fn degree(draw: &mut Draw, body: &Body) -> usize {
     let most = if body.dim == 2 {
         4
     } else if body.is_rich {
@@ -71,7 +135,7 @@ fn degree(draw: &mut Draw, body: &Body) -> usize {
 }
 
 /// A positive coefficient: a number, an expression of the position, or data at nodes.
-fn coefficient(draw: &mut Draw, name: &str, body: &Body) -> String {
+pub(super) fn coefficient(draw: &mut Draw, name: &str, body: &Body) -> String {
     let of = if body.dim == 2 { "1 + 0.5*x*y + y^2" } else { "1 + 0.5*x*y + z^2" };
     match draw.below(5) {
         0 => format!("def {name} = 2.5\n"),
@@ -83,7 +147,7 @@ fn coefficient(draw: &mut Draw, name: &str, body: &Body) -> String {
 }
 
 /// A rule by hand for some scenes; `least` is a degree that leaves no mode without stiffness.
-fn rule(draw: &mut Draw, least: usize) -> String {
+pub(super) fn rule(draw: &mut Draw, least: usize) -> String {
     match draw.below(5) {
         0 => format!("quadrature on all degree {least}\n"),
         1 => format!("quadrature on all degree {}\n", least + 2 + draw.below(3)),
@@ -91,11 +155,11 @@ fn rule(draw: &mut Draw, least: usize) -> String {
     }
 }
 
-fn vector(body: &Body, of: [&str; 3]) -> String {
+pub(super) fn vector(body: &Body, of: [&str; 3]) -> String {
     format!("[{}]", of[..body.dim].join(", "))
 }
 
-fn zero(body: &Body) -> String {
+pub(super) fn zero(body: &Body) -> String {
     vector(body, ["0", "0", "0"])
 }
 
@@ -131,7 +195,7 @@ fn heat(draw: &mut Draw, body: &Body) -> String {
 }
 
 /// Supports, loads and measures of a displacement `u`.
-fn held(draw: &mut Draw, body: &Body) -> String {
+pub(super) fn held(draw: &mut Draw, body: &Body) -> String {
     let mut text = match draw.below(4) {
         0 => format!("fix u = {} on left\nfix u.Normal = 0 on side\n", zero(body)),
         1 => format!("fix u = {} on left\nfix u(2) = 0.03*(1 + 0.3*t) on right\n", zero(body)),
@@ -149,7 +213,7 @@ fn held(draw: &mut Draw, body: &Body) -> String {
         measure r_left = reaction(u(1)) on left\nmeasure r_other = reaction(u(2)) on left\n"
 }
 
-fn stress(body: &Body, k: &str) -> String {
+pub(super) fn stress(body: &Body, k: &str) -> String {
     format!("def sigma(v) = {k}*(60*Div_v*Id({0}) + 160*Sym(Grad_v))\n", body.dim)
 }
 
