@@ -31,8 +31,7 @@ pub(super) fn found(folder: &Path, scene: &str, ranks: usize, holding: Holding) 
             return Err("ranks have other measures".to_owned());
         }
         for ((k, (_, range)), (_, values)) in names.iter().enumerate().zip(&other.fields) {
-            for (node, dof) in range.clone().enumerate().filter(|(_, dof)| own[*dof]) {
-                let _ = dof;
+            for (node, _) in range.clone().enumerate().filter(|(_, dof)| own[*dof]) {
                 first.fields[k].1[node] = values[node];
             }
         }
