@@ -154,8 +154,7 @@ impl ContactTerm {
         for slopes in [with_gaps, own] {
             let mut wanted = DVector::zeros(slopes.nrows());
             wanted.rows_mut(0, part.len()).copy_from(&part);
-            let Ok(inverse) = slopes.pseudo_inverse(NO_SLOPE * scale) else { continue };
-            let mut way = inverse * wanted;
+            let mut way = smallest(slopes, wanted, NO_SLOPE * scale);
             (0..counts.len()).filter(|k| !counts[*k]).for_each(|k| way[k] = 0.0);
             if (&motions.slope * &way - &part).norm() <= MISSED * part.norm() {
                 return way;
@@ -190,5 +189,46 @@ impl ContactTerm {
     /// The input of the present value of a displacement whose past the slot reads.
     pub(super) fn present_of(&self, past: &BasisSlot) -> Option<usize> {
         self.law.law.inputs.iter().position(|slot| *slot == InputSlot::Field(*past))
+    }
+}
+/// The smallest x with `A x = b`, row by row with the largest that is left first (Gram and Schmidt's method); what is left of
+/// a row below `nothing` follows from the others.
+fn smallest(mut a: DMatrix<f64>, mut b: DVector<f64>, nothing: f64) -> DVector<f64> {
+    let mut x = DVector::zeros(a.ncols());
+    for _ in 0..a.nrows() {
+        let sizes = a.row_iter().map(|row| row.norm()).enumerate();
+        let Some((own, size)) = sizes.max_by(|p, q| p.1.total_cmp(&q.1)).filter(|(_, size)| *size > nothing) else {
+            break;
+        };
+        let (direction, part) = (a.row(own) / size, b[own] / size);
+        x += direction.transpose() * part;
+        for other in 0..a.nrows() {
+            let along = a.row(other).dot(&direction);
+            a.row_mut(other).iter_mut().zip(direction.iter()).for_each(|(entry, d)| *entry -= along * d);
+            b[other] -= along * part;
+        }
+        a.row_mut(own).fill(0.0);
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_smallest_solution_is_that_of_the_pseudo_inverse() {
+        // the tangential part of a jump: three rows of rank two
+        let normal = [0.6, 0.0, 0.8];
+        let entry = |i: usize, j: usize| {
+            let (same, side) = (f64::from(u8::from(i == j % 3)), if j < 3 { 1.0 } else { -1.0 });
+            side * (same - normal[i] * normal[j % 3])
+        };
+        let a = DMatrix::from_fn(3, 6, entry);
+        let b = &a * DVector::from_column_slice(&[1.0, 2.0, 3.0, -0.5, 0.25, 4.0]);
+        let found = smallest(a.clone(), b.clone(), 1e-12);
+        let expected = a.clone().pseudo_inverse(1e-12).unwrap() * &b;
+        assert!((&found - expected).norm() < 1e-14, "{found}");
+        assert!((a * found - b).norm() < 1e-14);
     }
 }
