@@ -31,6 +31,8 @@ pub(super) trait Real:
     fn of(value: f64) -> Self;
     /// In double precision.
     fn wide(self) -> f64;
+    /// Several in double precision; `buffer` holds them where they are not stored as such.
+    fn all_wide<'a>(values: &'a [Self], buffer: &'a mut Vec<f64>) -> &'a [f64];
 }
 
 impl Real for f32 {
@@ -43,6 +45,12 @@ impl Real for f32 {
     fn wide(self) -> f64 {
         f64::from(self)
     }
+
+    fn all_wide<'a>(values: &'a [Self], buffer: &'a mut Vec<f64>) -> &'a [f64] {
+        buffer.clear();
+        buffer.extend(values.iter().map(|value| f64::from(*value)));
+        buffer
+    }
 }
 
 impl Real for f64 {
@@ -54,6 +62,10 @@ impl Real for f64 {
     #[inline(always)]
     fn wide(self) -> f64 {
         self
+    }
+
+    fn all_wide<'a>(values: &'a [Self], _buffer: &'a mut Vec<f64>) -> &'a [f64] {
+        values
     }
 }
 
@@ -230,21 +242,7 @@ fn rows_times<const R: usize, const C: usize, T: Real, X: Real>(
     }
 }
 
-impl Rows for Blocks<f64> {
-    fn size(&self) -> usize {
-        self.shape[0]
-    }
-
-    fn n_nodes(&self) -> usize {
-        self.n_rows()
-    }
-
-    fn row<'a>(&'a self, node: usize, _buffer: &'a mut RowBuffer) -> (&'a [u32], &'a [f64]) {
-        self.row_of(node)
-    }
-}
-
-impl Rows for Blocks<f32> {
+impl<T: Real> Rows for Blocks<T> {
     fn size(&self) -> usize {
         self.shape[0]
     }
@@ -255,9 +253,7 @@ impl Rows for Blocks<f32> {
 
     fn row<'a>(&'a self, node: usize, buffer: &'a mut RowBuffer) -> (&'a [u32], &'a [f64]) {
         let (columns, values) = self.row_of(node);
-        buffer.values.clear();
-        buffer.values.extend(values.iter().map(|value| f64::from(*value)));
-        (columns, &buffer.values)
+        (columns, T::all_wide(values, &mut buffer.values))
     }
 }
 

@@ -114,23 +114,24 @@ impl Hierarchy {
         layout: &NodeLayout,
     ) -> Result<Self, SolveError> {
         let (mut this, coarsest) = Self::down_to(COARSEST_OF_ANY, constant, layout)?;
+        let coarsest = coarsest.map_or_else(|| Blocks::rounded(constant), Ok)?;
         this.make_room(constant, &coarsest, changing)?;
         Ok(this)
     }
 
-    /// The levels of a matrix, and the coarsest matrix; so many unknowns are factored.
+    /// The levels of a matrix, and the coarsest matrix where that is another one; so many unknowns are factored.
     fn down_to(
         most_unknowns: usize,
         matrix: &NodeRows<'_>,
         layout: &NodeLayout,
-    ) -> Result<(Self, Blocks<f64>), SolveError> {
+    ) -> Result<(Self, Option<Blocks<f64>>), SolveError> {
         let k = layout.n_modes();
         let size = matrix.n_nodes() * matrix.size();
         if size <= most_unknowns {
             let mut coarsest = Coarsest::new(matrix)?;
             let softest = coarsest.softest_motion()?;
             let this = Self { finest: None, middle: Vec::new(), coarsest, sizes: vec![size], softest, room: None };
-            return Ok((this, Blocks::rounded(matrix)?));
+            return Ok((this, None));
         }
         let level = Level::new(Finest::stored(matrix)?, &inverted_diagonal(matrix)?);
         let largest = level.largest;
@@ -140,7 +141,8 @@ impl Hierarchy {
         let (a, transfer) = galerkin_then_rounded(matrix, transfer);
         let finest = Step::new(level, transfer);
         let again = || first().map(|coarsened| coarsened.transfer);
-        Self::below(finest, a, modes, Aggregation { k, threshold, coarsest: most_unknowns }, &again)
+        let how = Aggregation { k, threshold, coarsest: most_unknowns };
+        Self::below(finest, a, modes, how, &again).map(|(this, coarsest)| (this, Some(coarsest)))
     }
 
     /// Makes the levels of an operator; its first coarser one is that of elements of degree 1.
