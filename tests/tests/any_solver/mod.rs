@@ -24,7 +24,8 @@ use wfl_tests::{MeshFolder, Sequence, doubts, ranks::Holding, script_and_message
 const SCENES: u64 = if cfg!(debug_assertions) { 12 } else { 60 };
 /// Part of the largest value of a field, or of the largest measure of a kind, by which solvers may differ.
 const SAME: f64 = 1e-9;
-/// Part of the largest value of all fields, or of all measures, that is nothing: what no load moves has rounding alone.
+/// A field, or measures of a kind, that no load moves has rounding alone: at most this part of the largest value of all. Only
+/// then it is compared with that value, and not with its own.
 const ZERO: f64 = 1e-14;
 
 /// What is drawn.
@@ -131,6 +132,7 @@ fn brought(fields: &[(String, Range<usize>)], outcome: Outcome) -> Result<Found,
 /// The largest difference, in parts of the largest value of the field, or of the measures whose names begin alike.
 fn differs(a: &Found, b: &Found) -> (f64, String) {
     let largest = |values: &[f64]| values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let beside = |own: f64, of_all: f64| if own <= ZERO * of_all { ZERO / SAME * of_all } else { own };
     let mut worst = (0.0, String::new());
     let mut take = |difference: f64, size: f64, name: &str| {
         let part = if difference == 0.0 { 0.0 } else { difference / size };
@@ -141,13 +143,13 @@ fn differs(a: &Found, b: &Found) -> (f64, String) {
     let of_all = a.fields.iter().fold(0.0f64, |m, (_, values)| m.max(largest(values)));
     for ((name, a), (_, b)) in a.fields.iter().zip(&b.fields) {
         let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-        take(largest(&difference), largest(a).max(ZERO / SAME * of_all), name);
+        take(largest(&difference), beside(largest(a), of_all), name);
     }
     let of_all = a.measures.iter().fold(0.0f64, |m, (_, value)| m.max(value.abs()));
     let kind = |name: &str| name.split('_').next().unwrap_or_default().to_owned();
     for ((name, of_a), (_, of_b)) in a.measures.iter().zip(&b.measures) {
         let alike: Vec<f64> = a.measures.iter().filter(|m| kind(&m.0) == kind(name)).map(|m| m.1).collect();
-        take((of_a - of_b).abs(), largest(&alike).max(ZERO / SAME * of_all), name);
+        take((of_a - of_b).abs(), beside(largest(&alike), of_all), name);
     }
     worst
 }
@@ -275,6 +277,7 @@ fn compare_ranks(case: &Case<'_>, number: usize, has_parts: bool, became: &mut E
         Ok(own) => own,
         Err(told) => return Some(format!("{holding:?}: {told}")),
     };
+    // nodes of a part have numbers of their own: measures are compared
     if holding == Holding::Parts {
         own.fields.clone_from(&known.fields);
     }
@@ -304,7 +307,7 @@ fn random_scenes_are_the_same_whichever_solver_is_asked_for() {
     assert!(wrong.is_empty(), "{} of {n}:\n{}", wrong.len(), wrong.join("\n"));
     // otherwise nothing is compared
     assert!(
-        3 * iterated >= n && 12 * applied >= n && 2 * shared >= n,
+        3 * iterated >= n && applied >= n / 8 && 2 * shared >= n,
         "of {n} scenes {iterated} were iterated, {applied} without a matrix, {shared} on ranks"
     );
 }

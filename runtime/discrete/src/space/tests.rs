@@ -246,3 +246,27 @@ fn a_face_that_touches_at_an_edge_has_no_nodes() {
     assert_eq!(left.nodes_on_facets(&mesh, &topology, &low(cells[0])).len(), 2);
     assert_eq!(left.nodes_on_facets(&mesh, &topology, &low(cells[1])).len(), 0);
 }
+
+#[test]
+fn nodes_of_cells_are_shared_where_they_follow_each_other() {
+    for (dim, shape, _) in SHAPES {
+        let (mesh, topology) = unit(dim, shape, 3);
+        let mut cells = everywhere(&mesh);
+        let outside = cells.remove(0);
+        let space = Space::on_cells(&mesh, &topology, &cells, 2, Family::Continuous).unwrap();
+        let separately = |some: &[CellId]| -> Vec<u32> {
+            let nodes = |cell: &CellId| space.entity_nodes(space.position_of_cell(*cell).unwrap()).to_vec();
+            some.iter().flat_map(nodes).collect()
+        };
+        let is_shared = |nodes: &NodeList| {
+            let (own, all) = (nodes.as_ptr_range(), space.nodes.as_ptr_range());
+            all.start <= own.start && own.end <= all.end
+        };
+        let inner = space.nodes_of_cells(&cells[1..]).unwrap();
+        assert!(*inner == *separately(&cells[1..]) && is_shared(&inner));
+        let turned: Vec<CellId> = cells.iter().rev().copied().collect();
+        let copied = space.nodes_of_cells(&turned).unwrap();
+        assert!(*copied == *separately(&turned) && !is_shared(&copied));
+        assert!(space.nodes_of_cells(&[cells[0], outside]).is_none() && space.nodes_of_cells(&[outside]).is_none());
+    }
+}
